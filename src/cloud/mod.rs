@@ -1,0 +1,5 @@
+//! The point cloud and the formats in which it leaves.
+
+mod point_cloud;
+
+pub use point_cloud::PointCloud;

@@ -1,0 +1,1 @@
+//! DICOM in: listener, association, C-ECHO, C-STORE; our own SCU.

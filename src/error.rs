@@ -1,0 +1,228 @@
+//! What can be refused, and its one mapping: each variant becomes one DIMSE status (PS3.7 annex C,
+//! PS3.4 table B.2-1) and one problem detail (RFC 9457) with a stable URN.
+//!
+//! Messages tell the reader what to do next and never carry a patient's identity. What went wrong
+//! inside ([`Error::Internal`]) is logged and not sent.
+
+use crate::dicom::uid::{SeriesInstanceUid, SopClassUid, SopInstanceUid, TransferSyntaxUid};
+
+/// The result of an operation of the service.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// Everything that a peer can be refused for.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    // ---- an instance ----
+    /// The bytes are no DICOM data set. C000, 400.
+    #[error("not a DICOM data set: {0}; send a Part 10 file or a data set in the negotiated transfer syntax")]
+    NotDicom(String),
+    /// The bounded scan refused the structure: depth, length, item count. C001, 422.
+    #[error("the data set's structure is not acceptable: {0}")]
+    MalformedDataSet(String),
+    /// An attribute that every instance must have is missing or unusable. C002, 422.
+    #[error("attribute {attribute} is missing or not valid; the sender must supply it")]
+    MissingAttribute {
+        /// Name and tag, as `SeriesInstanceUID (0020,000E)`.
+        attribute: &'static str,
+    },
+    /// The instance is stored already with other pixels or geometry. C003, 409.
+    #[error("SOP instance {0} is already stored with different pixels or geometry; the stored one was kept")]
+    ConflictingInstance(SopInstanceUid),
+    /// The instance is stored already in another series or study. C004, 409.
+    #[error("SOP instance {0} is already stored as part of another series or study; the stored one was kept")]
+    ConflictingSeries(SopInstanceUid),
+    /// The transfer syntax of the data set can't be decoded here. C005, 415.
+    #[error("transfer syntax {0} can't be decoded here; send one that the conformance statement lists")]
+    UnsupportedTransferSyntax(TransferSyntaxUid),
+    /// The SOP class is not a CT image. 0122, 422.
+    #[error(
+        "SOP class {0} is not accepted: CT Image, Enhanced CT Image and Legacy Converted Enhanced CT Image are"
+    )]
+    UnsupportedSopClass(SopClassUid),
+    /// Command and data set disagree about SOP class or instance. A900, 422.
+    #[error("the data set does not match what was announced: {0}")]
+    DataSetMismatch(String),
+    /// One instance is larger than configured. A700, 413.
+    #[error("larger than the limit of {limit_bytes} bytes ({setting})")]
+    TooLarge {
+        /// The limit.
+        limit_bytes: u64,
+        /// The setting to raise, as `intake.max_instance_bytes`.
+        setting: &'static str,
+    },
+    /// The disk is (nearly) full. A700, 507.
+    #[error(
+        "the free disk space is below the configured watermark (storage.min_free_bytes); free some or add some"
+    )]
+    OutOfStorage,
+    /// A queue, connection or rate limit is reached; the same request may go through later. A700, 503.
+    #[error("busy: {0}; try again later")]
+    Busy(&'static str),
+    /// The service is shutting down. A700, 503.
+    #[error("the service is shutting down; try again later")]
+    ShuttingDown,
+
+    // ---- an upload ----
+    /// The archive or multipart body can't be read. 400.
+    #[error("the upload can't be read: {0}")]
+    MalformedUpload(String),
+    /// The archive unpacks to too much, or holds too many files. 413.
+    #[error("the archive unpacks beyond a limit: {0}")]
+    ArchiveTooLarge(String),
+    /// The upload holds no DICOM instance. 422.
+    #[error("the upload holds no DICOM instance")]
+    EmptyUpload,
+
+    // ---- a request ----
+    /// No or no valid token. 401.
+    #[error("a valid bearer token is needed: Authorization: Bearer <token>")]
+    Unauthorized,
+    /// The token's role does not allow this. 403.
+    #[error("this token's role does not allow that; it needs the role {0}")]
+    Forbidden(&'static str),
+    /// Nothing with that id. 404.
+    #[error("no {what} with the id {id}")]
+    NotFound {
+        /// `series`, `reconstruction`, `slice`, …
+        what: &'static str,
+        /// The id asked for.
+        id: String,
+    },
+    /// A parameter of the request is not valid. 400.
+    #[error("{name}: {detail}")]
+    InvalidParameter {
+        /// The parameter's name.
+        name: String,
+        /// What is wrong and what would be right.
+        detail: String,
+    },
+    /// The request's body is not valid. 422.
+    #[error("the request's body is not valid: {0}")]
+    InvalidBody(String),
+    /// The body's media type is not one that this resource takes. 415.
+    #[error("{0}")]
+    UnsupportedMediaType(String),
+    /// None of the media types that the client accepts. 406.
+    #[error("none of the accepted media types is available; available are: {0}")]
+    NotAcceptable(&'static str),
+    /// The method is not one of this resource's. 405.
+    #[error("this resource does not have that method")]
+    MethodNotAllowed,
+    /// The range lies outside the representation. 416.
+    #[error("the range lies outside the {length} bytes")]
+    RangeNotSatisfiable {
+        /// Length of the whole representation.
+        length: u64,
+    },
+    /// The series is not complete yet or has no reconstruction yet. 409.
+    #[error("series {0} has no finished reconstruction yet")]
+    SeriesIncomplete(SeriesInstanceUid),
+    /// The series can't be reconstructed. 409.
+    #[error("series {uid} can't be reconstructed: {reason}")]
+    NotReconstructable {
+        /// The series.
+        uid: SeriesInstanceUid,
+        /// The stable code of the reason.
+        reason: String,
+    },
+    /// The reconstruction is not (yet) in a state that has this. 409.
+    #[error("the reconstruction is {state}: {detail}")]
+    ReconstructionState {
+        /// Its state's name.
+        state: &'static str,
+        /// What the client can do.
+        detail: String,
+    },
+    /// The source instances are no longer stored. 410.
+    #[error("the source instances are no longer stored")]
+    SourceRemoved,
+    /// The body did not arrive in time. 408.
+    #[error("the request did not arrive in time")]
+    RequestTimeout,
+
+    // ---- ourselves ----
+    /// A failure of our own: logged with its cause, told without it. 0110, 500.
+    #[error("internal error; the service's log has the cause")]
+    Internal(#[source] Box<dyn std::error::Error + Send + Sync>),
+}
+
+/// How an [`Error`] is told to a peer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Mapping {
+    /// The last part of `urn:triplanar:problem:…`; also the label in logs and metrics.
+    pub code: &'static str,
+    /// A short title, the same for each occurrence.
+    pub title: &'static str,
+    /// DIMSE status of a C-STORE-RSP.
+    pub dimse_status: u16,
+    /// HTTP status.
+    pub http_status: u16,
+}
+
+impl Error {
+    /// A failure of our own.
+    pub fn internal(cause: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Self {
+        Self::Internal(cause.into())
+    }
+
+    /// The one table from error to DIMSE status and HTTP problem.
+    #[must_use]
+    pub fn mapping(&self) -> Mapping {
+        let (code, title, dimse_status, http_status) = match self {
+            Self::NotDicom(_) => ("not-dicom", "Not DICOM", 0xC000, 400),
+            Self::MalformedDataSet(_) => ("malformed-data-set", "Malformed data set", 0xC001, 422),
+            Self::MissingAttribute { .. } => ("missing-attribute", "Missing attribute", 0xC002, 422),
+            Self::ConflictingInstance(_) => ("conflicting-instance", "Conflicting instance", 0xC003, 409),
+            Self::ConflictingSeries(_) => ("conflicting-series", "Conflicting series", 0xC004, 409),
+            Self::UnsupportedTransferSyntax(_) => {
+                ("unsupported-transfer-syntax", "Unsupported transfer syntax", 0xC005, 415)
+            }
+            Self::UnsupportedSopClass(_) => ("unsupported-sop-class", "Unsupported SOP class", 0x0122, 422),
+            Self::DataSetMismatch(_) => ("data-set-mismatch", "Data set mismatch", 0xA900, 422),
+            Self::TooLarge { .. } => ("too-large", "Too large", 0xA700, 413),
+            Self::OutOfStorage => ("out-of-storage", "Out of storage", 0xA700, 507),
+            Self::Busy(_) => ("busy", "Busy", 0xA700, 503),
+            Self::ShuttingDown => ("shutting-down", "Shutting down", 0xA700, 503),
+            Self::MalformedUpload(_) => ("malformed-upload", "Malformed upload", 0xC000, 400),
+            Self::ArchiveTooLarge(_) => ("archive-too-large", "Archive too large", 0xA700, 413),
+            Self::EmptyUpload => ("empty-upload", "Nothing to store", 0xC000, 422),
+            Self::Unauthorized => ("unauthorized", "Unauthorized", 0x0124, 401),
+            Self::Forbidden(_) => ("forbidden", "Forbidden", 0x0124, 403),
+            Self::NotFound { .. } => ("not-found", "Not found", 0x0112, 404),
+            Self::InvalidParameter { .. } => ("invalid-parameter", "Invalid parameter", 0x0115, 400),
+            Self::InvalidBody(_) => ("invalid-body", "Invalid body", 0x0115, 422),
+            Self::UnsupportedMediaType(_) => {
+                ("unsupported-media-type", "Unsupported media type", 0x0115, 415)
+            }
+            Self::NotAcceptable(_) => ("not-acceptable", "Not acceptable", 0x0115, 406),
+            Self::MethodNotAllowed => ("method-not-allowed", "Method not allowed", 0x0211, 405),
+            Self::RangeNotSatisfiable { .. } => {
+                ("range-not-satisfiable", "Range not satisfiable", 0x0115, 416)
+            }
+            Self::SeriesIncomplete(_) => ("series-incomplete", "Series incomplete", 0x0110, 409),
+            Self::NotReconstructable { .. } => ("not-reconstructable", "Not reconstructable", 0x0110, 409),
+            Self::ReconstructionState { .. } => ("reconstruction-state", "Not in that state", 0x0110, 409),
+            Self::SourceRemoved => ("source-removed", "Source removed", 0x0110, 410),
+            Self::RequestTimeout => ("request-timeout", "Request timeout", 0x0110, 408),
+            Self::Internal(_) => ("internal", "Internal error", 0x0110, 500),
+        };
+        Mapping { code, title, dimse_status, http_status }
+    }
+}
+
+impl From<std::io::Error> for Error {
+    fn from(error: std::io::Error) -> Self {
+        match error.kind() {
+            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => Self::OutOfStorage,
+            _ => Self::internal(error),
+        }
+    }
+}
+
+impl From<sqlx::Error> for Error {
+    fn from(error: sqlx::Error) -> Self {
+        // SQLITE_FULL: the catalog could not grow.
+        let full = error.as_database_error().and_then(|e| e.code()).is_some_and(|code| code == "13");
+        if full { Self::OutOfStorage } else { Self::internal(error) }
+    }
+}

@@ -1,0 +1,1 @@
+//! REST, STOW-RS and upload in; clouds, reports, events, health and metrics out.

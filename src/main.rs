@@ -1,0 +1,3 @@
+//! `triplanar`: arguments and dispatch.
+
+fn main() {}

@@ -1,0 +1,1 @@
+//! A synthetic head CT whose skin is known exactly.

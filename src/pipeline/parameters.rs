@@ -1,0 +1,128 @@
+//! Every threshold of the pipeline, with the paper's value as its default.
+
+use serde::{Deserialize, Serialize};
+
+/// Which pipeline runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Profile {
+    /// The published algorithm, decision by decision.
+    #[default]
+    Paper,
+}
+
+/// The parameters of one reconstruction. Two jobs on the same instances with equal parameters are
+/// the same reconstruction. In a request every field may be left out: the service's configured
+/// value is used then.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Parameters {
+    /// Which pipeline runs.
+    pub profile: Profile,
+    /// Lowest Hounsfield unit of tissue (paper: −200).
+    #[schema(minimum = -32768, maximum = 32767)]
+    pub hu_min: i32,
+    /// Highest Hounsfield unit of tissue (paper: 220).
+    #[schema(minimum = -32768, maximum = 32767)]
+    pub hu_max: i32,
+    /// Edge of a voxel-grid cell, mm (paper: 1).
+    #[schema(minimum = 0.05, maximum = 20.0)]
+    pub leaf_mm: f32,
+    /// Radius outlier removal.
+    pub radius_outlier: RadiusOutlier,
+    /// Statistical outlier removal.
+    pub statistical_outlier: StatisticalOutlier,
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self {
+            profile: Profile::Paper,
+            hu_min: -200,
+            hu_max: 220,
+            leaf_mm: 1.0,
+            radius_outlier: RadiusOutlier::default(),
+            statistical_outlier: StatisticalOutlier::default(),
+        }
+    }
+}
+
+/// A point is kept if at least `min_neighbours` others lie within `radius_mm` (inclusive).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RadiusOutlier {
+    /// mm (published program: 10).
+    #[schema(minimum = 0.1, maximum = 1000.0)]
+    pub radius_mm: f32,
+    /// Other points (published program: 250). 0 switches the filter off.
+    #[schema(minimum = 0, maximum = 1_000_000)]
+    pub min_neighbours: u32,
+}
+
+impl Default for RadiusOutlier {
+    fn default() -> Self {
+        Self { radius_mm: 10.0, min_neighbours: 250 }
+    }
+}
+
+/// A point is dropped if its mean distance to its nearest others exceeds mean + `deviations` ·
+/// sample standard deviation over all points.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct StatisticalOutlier {
+    /// Nearest others (published program: 20). 0 switches the filter off.
+    #[schema(minimum = 0, maximum = 1000)]
+    pub neighbours: u32,
+    /// Sample standard deviations (published program: 4).
+    #[schema(minimum = 0.0, maximum = 1000.0)]
+    pub deviations: f64,
+}
+
+impl Default for StatisticalOutlier {
+    fn default() -> Self {
+        Self { neighbours: 20, deviations: 4.0 }
+    }
+}
+
+/// A parameter outside its range.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{name} must be {range}, not {value}")]
+pub struct InvalidParameter {
+    /// The parameter's name, with dots for nested ones.
+    pub name: &'static str,
+    /// What would be right.
+    pub range: &'static str,
+    /// What was given.
+    pub value: f64,
+}
+
+impl Parameters {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// The first parameter outside its range.
+    pub fn check(&self) -> Result<(), InvalidParameter> {
+        let hu = f64::from(i16::MIN)..=f64::from(i16::MAX);
+        within("hu_min", f64::from(self.hu_min), hu.clone(), "within -32768 to 32767")?;
+        within("hu_max", f64::from(self.hu_max), hu, "within -32768 to 32767")?;
+        within("hu_max", f64::from(self.hu_max), f64::from(self.hu_min)..=f64::MAX, "at least hu_min")?;
+        within("leaf_mm", f64::from(self.leaf_mm), 0.05..=20.0, "within 0.05 to 20 mm")?;
+        let radius = f64::from(self.radius_outlier.radius_mm);
+        within("radius_outlier.radius_mm", radius, 0.1..=1000.0, "within 0.1 to 1000 mm")?;
+        let min_neighbours = f64::from(self.radius_outlier.min_neighbours);
+        within("radius_outlier.min_neighbours", min_neighbours, 0.0..=1e6, "within 0 to 1000000")?;
+        let neighbours = f64::from(self.statistical_outlier.neighbours);
+        within("statistical_outlier.neighbours", neighbours, 0.0..=1000.0, "within 0 to 1000")?;
+        let deviations = self.statistical_outlier.deviations;
+        within("statistical_outlier.deviations", deviations, 0.0..=1000.0, "within 0 to 1000")
+    }
+}
+
+fn within(
+    name: &'static str,
+    value: f64,
+    allowed: std::ops::RangeInclusive<f64>,
+    range: &'static str,
+) -> Result<(), InvalidParameter> {
+    if allowed.contains(&value) { Ok(()) } else { Err(InvalidParameter { name, range, value }) }
+}

@@ -1,0 +1,99 @@
+//! Why a slice was rejected: one name for each reason, everywhere.
+
+use serde::{Deserialize, Serialize};
+
+/// A test of the paper that a slice failed (algorithm.md section 2.4 numbers them).
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// No contour is large and central enough.
+    NoContour,
+    /// Test 1: solidity below the limit for a large contour (paper, Algorithm 2).
+    Solidity,
+    /// Test 2: tissue outside the contour below its centroid (paper, Algorithm 3).
+    FourDirectionDown,
+    /// Test 2, above the centroid.
+    FourDirectionUp,
+    /// Test 2, right of the centroid.
+    FourDirectionRight,
+    /// Test 2, left of the centroid.
+    FourDirectionLeft,
+    /// Test 3: after a jump, the area is too large.
+    #[serde(rename = "area_over_120000")]
+    AreaOver120000,
+    /// Test 4: the area jumped too far from the carried area.
+    #[serde(rename = "area_jump_80000")]
+    AreaJump80000,
+    /// Test 5: after a jump, solidity below the lower limit.
+    #[serde(rename = "solidity_0_75")]
+    Solidity075,
+    /// Test 6: too many rows of the upper half cross the contour too often.
+    RowCrossingsUpper,
+    /// Test 7: the same in the lower half.
+    RowCrossingsLower,
+    /// Test 8: inner contours seen by the local mean of the filled image.
+    AxialIntensity,
+    /// Test 9: a small contour reaches the last rows.
+    #[serde(rename = "lower_band_30_rows")]
+    LowerBand30Rows,
+    /// Test 10: a contour that is not large reaches the last row.
+    LastRow,
+    /// Test 11: a small contour reaches far to the left in the middle row.
+    AxialMidLeft,
+}
+
+impl Reason {
+    /// All reasons, in the order of the tests.
+    pub const ALL: [Self; 15] = [
+        Self::NoContour,
+        Self::Solidity,
+        Self::FourDirectionDown,
+        Self::FourDirectionUp,
+        Self::FourDirectionRight,
+        Self::FourDirectionLeft,
+        Self::AreaOver120000,
+        Self::AreaJump80000,
+        Self::Solidity075,
+        Self::RowCrossingsUpper,
+        Self::RowCrossingsLower,
+        Self::AxialIntensity,
+        Self::LowerBand30Rows,
+        Self::LastRow,
+        Self::AxialMidLeft,
+    ];
+
+    /// The name in report, metrics and docs.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NoContour => "no_contour",
+            Self::Solidity => "solidity",
+            Self::FourDirectionDown => "four_direction_down",
+            Self::FourDirectionUp => "four_direction_up",
+            Self::FourDirectionRight => "four_direction_right",
+            Self::FourDirectionLeft => "four_direction_left",
+            Self::AreaOver120000 => "area_over_120000",
+            Self::AreaJump80000 => "area_jump_80000",
+            Self::Solidity075 => "solidity_0_75",
+            Self::RowCrossingsUpper => "row_crossings_upper",
+            Self::RowCrossingsLower => "row_crossings_lower",
+            Self::AxialIntensity => "axial_intensity",
+            Self::LowerBand30Rows => "lower_band_30_rows",
+            Self::LastRow => "last_row",
+            Self::AxialMidLeft => "axial_mid_left",
+        }
+    }
+}
+
+/// One failed test: what was measured, and the limit that it had to keep.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rejection {
+    /// Which test.
+    pub reason: Reason,
+    /// What was measured, in the unit of the test (px, px², rows, a ratio).
+    pub measured: f64,
+    /// The limit it was held against, in the same unit.
+    pub limit: f64,
+}

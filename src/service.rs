@@ -1,0 +1,1 @@
+//! Starts all of it, stops all of it.

@@ -1,0 +1,287 @@
+//! The rows of the catalog as the rest of the service sees them. Times are Unix milliseconds, UTC.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+
+use crate::dicom::header::InstanceHeader;
+use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
+use crate::pipeline::{Figures, Parameters, Stage};
+
+/// Declares an enum whose variants have one stable name in catalog, API, log and metrics.
+macro_rules! named {
+    ($(#[$meta:meta])* $name:ident { $($(#[$doc:meta])* $variant:ident = $text:literal),+ $(,)? }) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema)]
+        #[serde(rename_all = "snake_case")]
+        pub enum $name { $($(#[$doc])* $variant),+ }
+
+        impl $name {
+            /// All of them.
+            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
+            /// The one name.
+            #[must_use]
+            pub fn name(self) -> &'static str { match self { $(Self::$variant => $text),+ } }
+            /// The variant of that name.
+            #[must_use]
+            pub fn from_name(name: &str) -> Option<Self> { match name { $($text => Some(Self::$variant),)+ _ => None } }
+        }
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result { f.write_str(self.name()) }
+        }
+    };
+}
+
+named! {
+    /// Where a series stands.
+    SeriesState {
+        /// Instances are still expected.
+        Receiving = "receiving",
+        /// All are there; a reconstruction was made or is under way.
+        Complete = "complete",
+        /// Complete, kept, but no head CT: see [`UnfitReason`].
+        NotReconstructable = "not_reconstructable",
+    }
+}
+
+named! {
+    /// What made a series complete.
+    CompleteReason {
+        /// `POST /v1/series/{uid}/complete`.
+        Explicit = "explicit",
+        /// The expected number of instances is there.
+        ExpectedInstances = "expected_instances",
+        /// The association that sent it ended and the short quiet time passed.
+        AssociationEnded = "association_ended",
+        /// The quiet time passed.
+        Quiet = "quiet",
+        /// The upload that brought it was whole.
+        UploadEnded = "upload_ended",
+    }
+}
+
+named! {
+    /// Why a series is kept but not reconstructed.
+    UnfitReason {
+        /// Modality is not CT.
+        NotCt = "not_ct",
+        /// Image Type says LOCALIZER.
+        Localizer = "localizer",
+        /// Image Type says that it is derived from a display, not a scan.
+        SecondaryCapture = "secondary_capture",
+        /// Fewer slices than `intake.min_slices`.
+        TooFewSlices = "too_few_slices",
+        /// No instance has pixels.
+        NoPixelData = "no_pixel_data",
+    }
+}
+
+named! {
+    /// Where a reconstruction stands.
+    ReconstructionState {
+        /// Waits for a worker.
+        Queued = "queued",
+        /// A worker has it.
+        Running = "running",
+        /// Its cloud and report are served.
+        Succeeded = "succeeded",
+        /// It gave no cloud; see its error.
+        Failed = "failed",
+        /// Somebody cancelled it.
+        Cancelled = "cancelled",
+        /// It succeeded, and a later revision of its series has taken its place. Still served.
+        Superseded = "superseded",
+    }
+}
+
+impl ReconstructionState {
+    /// Whether nothing more will happen to it but being superseded.
+    #[must_use]
+    pub fn is_final(self) -> bool {
+        !matches!(self, Self::Queued | Self::Running)
+    }
+    /// Whether a cloud is served.
+    #[must_use]
+    pub fn has_cloud(self) -> bool {
+        matches!(self, Self::Succeeded | Self::Superseded)
+    }
+}
+
+/// Identity of a reconstruction: a UUIDv7.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema,
+)]
+#[serde(transparent)]
+pub struct ReconstructionId(pub Uuid);
+
+impl ReconstructionId {
+    /// A new one, later than all before.
+    #[must_use]
+    pub fn new() -> Self {
+        Self(Uuid::now_v7())
+    }
+}
+
+impl Default for ReconstructionId {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl fmt::Display for ReconstructionId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl FromStr for ReconstructionId {
+    type Err = uuid::Error;
+    fn from_str(text: &str) -> Result<Self, uuid::Error> {
+        text.parse().map(Self)
+    }
+}
+
+/// A stored instance.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct InstanceRecord {
+    /// What its header says.
+    pub header: InstanceHeader,
+    /// Where its bytes are among the blobs.
+    pub blob: String,
+    /// Bytes of the Part 10 file.
+    pub size: u64,
+    /// SHA-256 of the data set's bytes as they came, without the file meta group.
+    pub data_set_sha256: [u8; 32],
+    /// When it was acknowledged.
+    pub received_ms: i64,
+}
+
+/// A series.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SeriesRecord {
+    /// Series Instance UID.
+    pub series_instance_uid: SeriesInstanceUid,
+    /// Study Instance UID.
+    pub study_instance_uid: StudyInstanceUid,
+    /// Frame of Reference UID of its first instance.
+    pub frame_of_reference_uid: Option<FrameOfReferenceUid>,
+    /// Modality of its first instance.
+    pub modality: Option<String>,
+    /// Series Description of its first instance.
+    pub description: Option<String>,
+    /// Patient ID; never logged.
+    pub patient_id: Option<String>,
+    /// Accession Number; never logged.
+    pub accession_number: Option<String>,
+    /// State.
+    pub state: SeriesState,
+    /// Why it can't be reconstructed, if it can't.
+    pub unfit_reason: Option<UnfitReason>,
+    /// 1 at the first completion, one more for each later set of instances; 0 before.
+    pub revision: u32,
+    /// What completed the latest revision.
+    pub complete_reason: Option<CompleteReason>,
+    /// Instances that the sender announced.
+    pub expected_instances: Option<u64>,
+    /// Instances stored.
+    pub instances: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Instances refused because other pixels were stored under their UID (see [`Refused`]).
+    pub refused_instances: u64,
+    /// When its first instance came.
+    pub created_ms: i64,
+    /// When its latest instance came.
+    pub updated_ms: i64,
+}
+
+/// An instance that was refused although its series is known; stands in the report.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Refused {
+    /// The instance.
+    pub sop_instance_uid: SopInstanceUid,
+    /// The refusal's code, as in the problem's URN.
+    pub code: String,
+    /// How often it was sent.
+    pub times: u64,
+    /// When it was refused last, Unix ms.
+    pub last_ms: i64,
+}
+
+/// A reconstruction.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReconstructionRecord {
+    /// Its id.
+    pub id: ReconstructionId,
+    /// Its series.
+    pub series_instance_uid: SeriesInstanceUid,
+    /// The series' revision that it was made from.
+    pub revision: u32,
+    /// SHA-256 over the sorted identities of the instances that it was made from.
+    pub instances_sha256: [u8; 32],
+    /// How many they are.
+    pub instances: u64,
+    /// Its parameters.
+    pub parameters: Parameters,
+    /// State.
+    pub state: ReconstructionState,
+    /// What runs now (or ran last).
+    pub stage: Option<Stage>,
+    /// Part of the whole that is done, 0 to 1.
+    pub fraction: f64,
+    /// Attempts begun.
+    pub attempts: u32,
+    /// Stable code of a failure, e.g. `empty_cloud`, `missing_slice`, `worker_died`.
+    pub error_code: Option<String>,
+    /// What failed and what to do next.
+    pub error_detail: Option<String>,
+    /// SOP instances that a failure names.
+    pub error_instances: Vec<SopInstanceUid>,
+    /// The reconstruction that took its place.
+    pub superseded_by: Option<ReconstructionId>,
+    /// Software that made it.
+    pub software: String,
+    /// Figures of the result.
+    pub figures: Option<Figures>,
+    /// Whether a report is stored (a failed one can have one).
+    pub has_report: bool,
+    /// When it was asked for.
+    pub created_ms: i64,
+    /// When its last attempt began.
+    pub started_ms: Option<i64>,
+    /// When it reached a final state.
+    pub finished_ms: Option<i64>,
+}
+
+/// Which series a list shows.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct SeriesFilter {
+    /// Exactly this Patient ID.
+    pub patient_id: Option<String>,
+    /// Exactly this Accession Number.
+    pub accession_number: Option<String>,
+    /// Of this study.
+    pub study_instance_uid: Option<StudyInstanceUid>,
+    /// In this state.
+    pub state: Option<SeriesState>,
+}
+
+/// Which reconstructions a list shows.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ReconstructionFilter {
+    /// Of this series.
+    pub series_instance_uid: Option<SeriesInstanceUid>,
+    /// In this state.
+    pub state: Option<ReconstructionState>,
+}
+
+/// One page of a list, newest first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Page<T> {
+    /// The rows.
+    pub rows: Vec<T>,
+    /// Opaque; asks for the next page. `None` on the last one.
+    pub next_cursor: Option<String>,
+}
