@@ -1,0 +1,312 @@
+//! What is counted, as typed methods; `GET /metrics` shows it in the OpenMetrics text format.
+
+use std::sync::atomic::AtomicU64;
+use std::time::Duration;
+
+use prometheus_client::encoding::EncodeLabelSet;
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
+use prometheus_client::registry::{Registry, Unit};
+
+use crate::geometry::Plane;
+use crate::pipeline::{Reason, Stage};
+use crate::store::{CompleteReason, ReconstructionState};
+
+/// The door that an instance came through.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SenderKind {
+    /// C-STORE.
+    Association,
+    /// HTTP: upload or STOW-RS.
+    Upload,
+}
+
+impl SenderKind {
+    /// The label's value.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Association => "association",
+            Self::Upload => "upload",
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct InstanceLabels {
+    sender: &'static str,
+    outcome: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct ReasonLabel {
+    reason: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct StateLabel {
+    state: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct StageLabel {
+    stage: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct SliceLabels {
+    plane: &'static str,
+    reason: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct RequestLabels {
+    method: &'static str,
+    route: String,
+    status: u16,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct RouteLabels {
+    method: &'static str,
+    route: String,
+}
+
+/// 5 ms to about 5 minutes.
+fn durations() -> Histogram {
+    Histogram::new(exponential_buckets(0.005, 2.0, 16))
+}
+
+/// All counters, gauges and histograms of one service. Cheap to count on from any thread.
+#[derive(Debug)]
+pub struct Metrics {
+    registry: Registry,
+    instances: Family<InstanceLabels, Counter>,
+    bytes_stored: Counter,
+    series_completed: Family<ReasonLabel, Counter>,
+    associations_accepted: Counter,
+    associations_rejected: Family<ReasonLabel, Counter>,
+    associations_open: Gauge,
+    jobs: Family<StateLabel, Counter>,
+    job_attempts: Counter,
+    queue_depth: Gauge,
+    stages: Family<StageLabel, Histogram, fn() -> Histogram>,
+    slices_rejected: Family<SliceLabels, Counter>,
+    requests: Family<RequestLabels, Counter>,
+    request_durations: Family<RouteLabels, Histogram, fn() -> Histogram>,
+    free_disk_bytes: Gauge<u64, AtomicU64>,
+}
+
+impl Default for Metrics {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Metrics {
+    /// Everything at zero.
+    #[must_use]
+    pub fn new() -> Self {
+        let mut metrics = Self {
+            registry: Registry::with_prefix("triplanar"),
+            instances: Family::default(),
+            bytes_stored: Counter::default(),
+            series_completed: Family::default(),
+            associations_accepted: Counter::default(),
+            associations_rejected: Family::default(),
+            associations_open: Gauge::default(),
+            jobs: Family::default(),
+            job_attempts: Counter::default(),
+            queue_depth: Gauge::default(),
+            stages: Family::new_with_constructor(durations),
+            slices_rejected: Family::default(),
+            requests: Family::default(),
+            request_durations: Family::new_with_constructor(durations),
+            free_disk_bytes: Gauge::default(),
+        };
+        metrics.register();
+        metrics
+    }
+
+    fn register(&mut self) {
+        let r = &mut self.registry;
+        r.register(
+            "instances",
+            "Instances received, by sender and outcome (stored, duplicate or the refusal's code)",
+            self.instances.clone(),
+        );
+        r.register_with_unit(
+            "stored",
+            "Bytes of the instances stored",
+            Unit::Bytes,
+            self.bytes_stored.clone(),
+        );
+        r.register(
+            "series_completed",
+            "Series that became complete, by what completed them",
+            self.series_completed.clone(),
+        );
+        r.register(
+            "associations_accepted",
+            "DICOM associations accepted",
+            self.associations_accepted.clone(),
+        );
+        r.register(
+            "associations_rejected",
+            "DICOM associations rejected, by reason",
+            self.associations_rejected.clone(),
+        );
+        r.register("associations_open", "DICOM associations open now", self.associations_open.clone());
+        r.register("jobs", "Reconstructions that reached a final state, by state", self.jobs.clone());
+        r.register("job_attempts", "Attempts at a reconstruction begun", self.job_attempts.clone());
+        r.register("queue_depth", "Reconstructions that wait for a worker", self.queue_depth.clone());
+        r.register_with_unit(
+            "stage_duration",
+            "Time that a stage of a reconstruction took",
+            Unit::Seconds,
+            self.stages.clone(),
+        );
+        r.register(
+            "slices_rejected",
+            "Slices that the pipeline rejected, by plane and reason",
+            self.slices_rejected.clone(),
+        );
+        r.register(
+            "http_requests",
+            "HTTP requests answered, by method, route template and status",
+            self.requests.clone(),
+        );
+        r.register_with_unit(
+            "http_request_duration",
+            "Time from a request's head to its answer's head",
+            Unit::Seconds,
+            self.request_durations.clone(),
+        );
+        r.register_with_unit(
+            "free_disk",
+            "Free space on the disk of the data directory",
+            Unit::Bytes,
+            self.free_disk_bytes.clone(),
+        );
+        // Final states exist from the start, so that a rate over them does.
+        for state in ReconstructionState::ALL.iter().filter(|state| state.is_final()) {
+            let _ = self.jobs.get_or_create(&StateLabel { state: state.name() });
+        }
+    }
+
+    /// An instance was answered: `outcome` is `stored`, `duplicate` or the code of
+    /// [`crate::error::Mapping`].
+    pub fn instance_received(&self, sender: SenderKind, outcome: &'static str) {
+        self.instances.get_or_create(&InstanceLabels { sender: sender.name(), outcome }).inc();
+    }
+
+    /// So many bytes of an instance were made durable.
+    pub fn bytes_stored(&self, bytes: u64) {
+        self.bytes_stored.inc_by(bytes);
+    }
+
+    /// A series became complete.
+    pub fn series_completed(&self, reason: CompleteReason) {
+        self.series_completed.get_or_create(&ReasonLabel { reason: reason.name() }).inc();
+    }
+
+    /// An association was accepted; [`Metrics::association_closed`] ends it.
+    pub fn association_opened(&self) {
+        self.associations_accepted.inc();
+        self.associations_open.inc();
+    }
+
+    /// An accepted association ended, however it did.
+    pub fn association_closed(&self) {
+        self.associations_open.dec();
+    }
+
+    /// An association was rejected; `reason` is a stable code such as `unknown_calling_ae_title`.
+    pub fn association_rejected(&self, reason: &'static str) {
+        self.associations_rejected.get_or_create(&ReasonLabel { reason }).inc();
+    }
+
+    /// A reconstruction reached a final state.
+    pub fn job_finished(&self, state: ReconstructionState) {
+        self.jobs.get_or_create(&StateLabel { state: state.name() }).inc();
+    }
+
+    /// A worker began an attempt.
+    pub fn job_attempted(&self) {
+        self.job_attempts.inc();
+    }
+
+    /// So many reconstructions wait now.
+    pub fn set_queue_depth(&self, queued: u64) {
+        self.queue_depth.set(i64::try_from(queued).unwrap_or(i64::MAX));
+    }
+
+    /// A stage ended after so long.
+    pub fn stage_ended(&self, stage: Stage, took: Duration) {
+        self.stages.get_or_create(&StageLabel { stage: stage.name() }).observe(took.as_secs_f64());
+    }
+
+    /// So many slices of a plane were rejected for a reason.
+    pub fn slices_rejected(&self, plane: Plane, reason: Reason, slices: u64) {
+        let labels = SliceLabels { plane: plane.name(), reason: reason.name() };
+        self.slices_rejected.get_or_create(&labels).inc_by(slices);
+    }
+
+    /// A request was answered. `route` is the template, never the path itself.
+    pub fn http_request(&self, method: &'static str, route: &str, status: u16, took: Duration) {
+        let route = route.to_owned();
+        self.requests.get_or_create(&RequestLabels { method, route: route.clone(), status }).inc();
+        self.request_durations.get_or_create(&RouteLabels { method, route }).observe(took.as_secs_f64());
+    }
+
+    /// So many bytes are free on the data directory's disk.
+    pub fn set_free_disk_bytes(&self, bytes: u64) {
+        self.free_disk_bytes.set(bytes);
+    }
+
+    /// The media type of [`Metrics::encode`].
+    pub const MEDIA_TYPE: &'static str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+
+    /// Everything in the OpenMetrics text format, which Prometheus reads.
+    #[must_use]
+    pub fn encode(&self) -> String {
+        let mut text = String::new();
+        prometheus_client::encoding::text::encode(&mut text, &self.registry)
+            .expect("writing to a String can't fail");
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_counted_stands_in_the_text() {
+        let metrics = Metrics::new();
+        metrics.instance_received(SenderKind::Upload, "stored");
+        metrics.association_opened();
+        metrics.job_finished(ReconstructionState::Failed);
+        metrics.set_queue_depth(3);
+        metrics.slices_rejected(Plane::Axial, Reason::Solidity, 7);
+        metrics.stage_ended(Stage::Reading, Duration::from_millis(20));
+        metrics.http_request("GET", "/v1/series/{uid}", 404, Duration::ZERO);
+        metrics.set_free_disk_bytes(12);
+        let text = metrics.encode();
+        for line in [
+            r#"triplanar_instances_total{sender="upload",outcome="stored"} 1"#,
+            "triplanar_associations_open 1",
+            r#"triplanar_jobs_total{state="failed"} 1"#,
+            r#"triplanar_jobs_total{state="succeeded"} 0"#,
+            "triplanar_queue_depth 3",
+            r#"triplanar_slices_rejected_total{plane="axial",reason="solidity"} 7"#,
+            r#"triplanar_stage_duration_seconds_count{stage="reading"} 1"#,
+            r#"triplanar_http_requests_total{method="GET",route="/v1/series/{uid}",status="404"} 1"#,
+            "triplanar_free_disk_bytes 12",
+        ] {
+            assert!(text.lines().any(|l| l == line), "{line} is missing in\n{text}");
+        }
+    }
+}
