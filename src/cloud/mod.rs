@@ -1,5 +1,11 @@
 //! The point cloud and the formats in which it leaves.
+//!
+//! A new format is one file in `cloud/formats/` and one line in its table ([`Format`]).
 
+mod formats;
+mod metadata;
 mod point_cloud;
 
+pub use formats::{Format, UnknownFormat, encode, ply};
+pub use metadata::Metadata;
 pub use point_cloud::PointCloud;

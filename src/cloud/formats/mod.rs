@@ -1,0 +1,191 @@
+//! The formats in which a cloud leaves: one file each, and one row in the table of [`Format`].
+//!
+//! To add one: a file here with `encode(&PointCloud, &Metadata, Frame) -> Vec<u8>`, a variant of
+//! [`Format`] and its row in `ALL_ROWS`. API, command line and documentation read that table.
+
+mod npy;
+mod pcd;
+pub mod ply;
+mod raw;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Metadata, PointCloud};
+use crate::geometry::Frame;
+
+/// A file format for clouds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize, utoipa::ToSchema)]
+pub enum Format {
+    /// PLY 1.0, binary little endian: x y z float, planes uchar, unique uchar.
+    #[default]
+    #[serde(rename = "ply")]
+    PlyBinary,
+    /// PLY 1.0, text; the floats read back to the same bits.
+    #[serde(rename = "ply-ascii")]
+    PlyAscii,
+    /// PCD 0.7, binary: x y z F4, planes U1, unique U1.
+    #[serde(rename = "pcd")]
+    Pcd,
+    /// x y z as little-endian 32-bit floats, nothing else.
+    #[serde(rename = "raw")]
+    Raw,
+    /// NumPy 1.0, `<f4`, shape (N, 3).
+    #[serde(rename = "npy")]
+    Npy,
+}
+
+/// What is known of a format.
+struct Row {
+    format: Format,
+    name: &'static str,
+    media_type: &'static str,
+    extension: &'static str,
+    encode: fn(&PointCloud, &Metadata, Frame) -> Vec<u8>,
+}
+
+/// In the order of [`Format::ALL`]; of two with one extension, the first is meant by it.
+const ALL_ROWS: [Row; 5] = [
+    Row {
+        format: Format::PlyBinary,
+        name: "ply",
+        media_type: "application/x-ply",
+        extension: "ply",
+        encode: ply::encode_binary,
+    },
+    Row {
+        format: Format::PlyAscii,
+        name: "ply-ascii",
+        media_type: "text/x-ply",
+        extension: "ply",
+        encode: ply::encode_ascii,
+    },
+    Row {
+        format: Format::Pcd,
+        name: "pcd",
+        media_type: "application/x-pcd",
+        extension: "pcd",
+        encode: pcd::encode,
+    },
+    Row {
+        format: Format::Raw,
+        name: "raw",
+        media_type: "application/octet-stream",
+        extension: "raw",
+        encode: raw::encode,
+    },
+    Row {
+        format: Format::Npy,
+        name: "npy",
+        media_type: "application/x-npy",
+        extension: "npy",
+        encode: npy::encode,
+    },
+];
+
+/// A name that is no format's.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("no cloud format is called {0:?}; there are ply, ply-ascii, pcd, raw and npy")]
+pub struct UnknownFormat(pub String);
+
+impl Format {
+    /// All formats, the default first.
+    pub const ALL: [Self; 5] = [Self::PlyBinary, Self::PlyAscii, Self::Pcd, Self::Raw, Self::Npy];
+
+    fn row(self) -> &'static Row {
+        &ALL_ROWS[self as usize]
+    }
+
+    /// The one name in API and command line: `ply`, `ply-ascii`, `pcd`, `raw` or `npy`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        self.row().name
+    }
+
+    /// The media type for `Accept` and `Content-Type`. None of these is registered with IANA.
+    #[must_use]
+    pub fn media_type(self) -> &'static str {
+        self.row().media_type
+    }
+
+    /// The file name's extension, without the dot.
+    #[must_use]
+    pub fn extension(self) -> &'static str {
+        self.row().extension
+    }
+
+    /// The format of that [`Format::name`].
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        ALL_ROWS.iter().find(|row| row.name == name).map(|row| row.format)
+    }
+
+    /// The format that a file with that extension holds, upper or lower case; `ply` is the binary
+    /// one.
+    #[must_use]
+    pub fn from_extension(extension: &str) -> Option<Self> {
+        ALL_ROWS.iter().find(|row| row.extension.eq_ignore_ascii_case(extension)).map(|row| row.format)
+    }
+}
+
+impl std::str::FromStr for Format {
+    type Err = UnknownFormat;
+    fn from_str(name: &str) -> Result<Self, UnknownFormat> {
+        Self::from_name(name).ok_or_else(|| UnknownFormat(name.to_owned()))
+    }
+}
+
+/// The cloud (LPS mm) as a file of that format in that frame. The same arguments give the same
+/// bytes. An empty cloud gives a valid file of 0 points.
+///
+/// # Panics
+/// If the cloud's three lists differ in length (a mistake of the caller).
+#[must_use]
+pub fn encode(cloud: &PointCloud, metadata: &Metadata, format: Format, frame: Frame) -> Vec<u8> {
+    assert!(
+        cloud.planes.len() == cloud.len() && cloud.unique.len() == cloud.len(),
+        "a plane set and a unique flag for each point"
+    );
+    (format.row().encode)(cloud, metadata, frame)
+}
+
+/// The points of the cloud in that frame, with the bytes of their other properties.
+fn vertices(cloud: &PointCloud, frame: Frame) -> impl Iterator<Item = ([f32; 3], [u8; 2])> {
+    let properties = cloud.planes.iter().zip(&cloud.unique);
+    cloud.points.iter().zip(properties).map(move |(&point, (planes, &unique))| {
+        (frame.from_lps(point), [planes.bits(), u8::from(unique)])
+    })
+}
+
+/// Bytes of a vertex with all properties: three floats and two bytes.
+const VERTEX_SIZE: usize = 14;
+
+/// Appends each vertex as three little-endian floats and its two property bytes.
+fn append_packed(out: &mut Vec<u8>, cloud: &PointCloud, frame: Frame) {
+    out.reserve(cloud.len() * VERTEX_SIZE);
+    for (point, properties) in vertices(cloud, frame) {
+        append_point(out, point);
+        out.extend(properties);
+    }
+}
+
+fn append_point(out: &mut Vec<u8>, point: [f32; 3]) {
+    for coordinate in point {
+        out.extend(coordinate.to_le_bytes());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_is_in_the_order_of_the_variants_and_its_names_are_found() {
+        for (row, format) in ALL_ROWS.iter().zip(Format::ALL) {
+            assert_eq!(row.format, format);
+            assert_eq!(Format::from_name(row.name), Some(format));
+            assert_eq!(serde_json::to_value(format).unwrap(), row.name);
+        }
+        assert_eq!(Format::from_extension("PLY"), Some(Format::PlyBinary));
+        assert_eq!(Format::from_extension("stl"), None);
+    }
+}

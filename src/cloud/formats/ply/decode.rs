@@ -1,0 +1,179 @@
+//! Reading back our own PLY.
+
+use super::{ASCII, BINARY, PROPERTIES};
+use crate::cloud::formats::VERTEX_SIZE;
+use crate::cloud::metadata::{TRIPLANAR, key};
+use crate::cloud::{Metadata, PointCloud};
+use crate::geometry::{Frame, Plane, PlaneSet};
+
+/// Why bytes are not a PLY that [`super::super::encode`] wrote.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum PlyError {
+    /// The header is not one of ours.
+    #[error("not a PLY file of triplanar: {0}")]
+    Header(String),
+    /// Fewer or more bytes than the header promises.
+    #[error("the PLY file does not hold the {promised} vertices that its header promises")]
+    Length {
+        /// The header's number of vertices.
+        promised: usize,
+    },
+    /// A line of an ascii file is no vertex.
+    #[error("vertex {0} of the PLY file can't be read")]
+    Vertex(usize),
+}
+
+/// The cloud in LPS mm (whatever frame the file is in) and what its comments say. Takes both
+/// encodings that [`super::super::encode`] writes.
+///
+/// # Errors
+/// [`PlyError`] for anything else.
+pub fn decode(bytes: &[u8]) -> Result<(PointCloud, Metadata), PlyError> {
+    let mut header = Header::default();
+    let mut rest = bytes;
+    let mut first = true;
+    loop {
+        let line = take_line(&mut rest).ok_or_else(|| PlyError::Header("its header does not end".into()))?;
+        match (first, line) {
+            (true, "ply") => first = false,
+            (true, _) => return Err(PlyError::Header("it does not begin with `ply`".into())),
+            (false, "end_header") => break,
+            (false, line) => header.line(line)?,
+        }
+    }
+    let (encoding, promised, frame, metadata) = header.finish()?;
+    let mut cloud = match encoding {
+        Encoding::Binary => packed(rest, promised)?,
+        Encoding::Ascii => text(rest, promised)?,
+    };
+    for point in &mut cloud.points {
+        // Negating two axes is its own inverse.
+        *point = frame.from_lps(*point);
+    }
+    Ok((cloud, metadata))
+}
+
+/// One line without its end, as text.
+fn take_line<'a>(rest: &mut &'a [u8]) -> Option<&'a str> {
+    let end = rest.iter().position(|&byte| byte == b'\n')?;
+    let (line, after) = rest.split_at(end);
+    *rest = after.get(1..)?;
+    std::str::from_utf8(line).ok()
+}
+
+#[derive(Clone, Copy)]
+enum Encoding {
+    Binary,
+    Ascii,
+}
+
+#[derive(Default)]
+struct Header {
+    encoding: Option<Encoding>,
+    vertices: Option<usize>,
+    properties: usize,
+    comments: Vec<(String, String)>,
+}
+
+impl Header {
+    fn line(&mut self, line: &str) -> Result<(), PlyError> {
+        let unknown = || PlyError::Header(format!("unknown line {line:?}"));
+        let (word, value) = line.split_once(' ').ok_or_else(unknown)?;
+        match word {
+            "format" => self.encoding = Some(encoding(value).ok_or_else(unknown)?),
+            "comment" => {
+                let (key, value) = value.split_once(' ').unwrap_or((value, ""));
+                self.comments.push((key.to_owned(), value.to_owned()));
+            }
+            "element" => {
+                let count = value.strip_prefix("vertex ").and_then(|n| n.parse().ok());
+                self.vertices = Some(count.ok_or_else(unknown)?);
+            }
+            "property" => {
+                let expected = PROPERTIES.get(self.properties).map(|(kind, name)| format!("{kind} {name}"));
+                if expected.as_deref() != Some(value) {
+                    return Err(unknown());
+                }
+                self.properties += 1;
+            }
+            _ => return Err(unknown()),
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> Result<(Encoding, usize, Frame, Metadata), PlyError> {
+        let lacks = |what: &str| PlyError::Header(format!("its header lacks {what}"));
+        let encoding = self.encoding.ok_or_else(|| lacks("`format`"))?;
+        let vertices = self.vertices.ok_or_else(|| lacks("`element vertex`"))?;
+        if self.properties != PROPERTIES.len() {
+            return Err(lacks("a property"));
+        }
+        let comment = |key: &str| {
+            self.comments.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str())
+        };
+        let frame = [Frame::Lps, Frame::Ras].into_iter().find(|f| comment(key::FRAME) == Some(f.name()));
+        let plane = match comment(key::PLANE) {
+            Some(TRIPLANAR) => None,
+            name => Some(
+                Plane::ALL
+                    .into_iter()
+                    .find(|plane| name == Some(plane.name()))
+                    .ok_or_else(|| lacks("`plane`"))?,
+            ),
+        };
+        let uid = |key| comment(key).and_then(|text| text.parse().ok());
+        let metadata = Metadata {
+            series_instance_uid: uid(key::SERIES).ok_or_else(|| lacks("`series_instance_uid`"))?,
+            frame_of_reference_uid: comment(key::FRAME_OF_REFERENCE).and_then(|text| text.parse().ok()),
+            plane,
+            software: comment(key::SOFTWARE).unwrap_or_default().to_owned(),
+            parameters_json: comment(key::PARAMETERS).unwrap_or_default().to_owned(),
+        };
+        Ok((encoding, vertices, frame.ok_or_else(|| lacks("`frame`"))?, metadata))
+    }
+}
+
+fn encoding(format: &str) -> Option<Encoding> {
+    match format.strip_suffix(" 1.0")? {
+        BINARY => Some(Encoding::Binary),
+        ASCII => Some(Encoding::Ascii),
+        _ => None,
+    }
+}
+
+fn packed(bytes: &[u8], promised: usize) -> Result<PointCloud, PlyError> {
+    if promised.checked_mul(VERTEX_SIZE) != Some(bytes.len()) {
+        return Err(PlyError::Length { promised });
+    }
+    let mut cloud = PointCloud::default();
+    for vertex in bytes.as_chunks::<VERTEX_SIZE>().0 {
+        let [x0, x1, x2, x3, y0, y1, y2, y3, z0, z1, z2, z3, planes, unique] = *vertex;
+        let point = [[x0, x1, x2, x3], [y0, y1, y2, y3], [z0, z1, z2, z3]].map(f32::from_le_bytes);
+        push(&mut cloud, point, planes, unique);
+    }
+    Ok(cloud)
+}
+
+fn text(bytes: &[u8], promised: usize) -> Result<PointCloud, PlyError> {
+    let text = std::str::from_utf8(bytes).map_err(|_| PlyError::Vertex(0))?;
+    let mut cloud = PointCloud::default();
+    for (index, line) in text.lines().enumerate() {
+        let (point, planes, unique) = vertex(line).ok_or(PlyError::Vertex(index))?;
+        push(&mut cloud, point, planes, unique);
+    }
+    if cloud.len() == promised { Ok(cloud) } else { Err(PlyError::Length { promised }) }
+}
+
+fn vertex(line: &str) -> Option<([f32; 3], u8, u8)> {
+    let mut words = line.split_ascii_whitespace();
+    let mut coordinate = || words.next()?.parse().ok();
+    let point = [coordinate()?, coordinate()?, coordinate()?];
+    let vertex = (point, words.next()?.parse().ok()?, words.next()?.parse().ok()?);
+    words.next().is_none().then_some(vertex)
+}
+
+fn push(cloud: &mut PointCloud, point: [f32; 3], planes: u8, unique: u8) {
+    cloud.points.push(point);
+    cloud.planes.push(PlaneSet::from_bits(planes));
+    cloud.unique.push(unique != 0);
+}

@@ -1,0 +1,56 @@
+//! What a cloud's file says about itself.
+
+use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid};
+use crate::geometry::{Frame, Plane};
+
+/// The provenance of a cloud. Holds nothing that names a patient, and no time of day: the same
+/// cloud is the same bytes whenever it is made.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Metadata {
+    /// Series Instance UID (0020,000E) of the source.
+    pub series_instance_uid: SeriesInstanceUid,
+    /// Frame of Reference UID (0020,0052): the frame in which the coordinates are valid.
+    pub frame_of_reference_uid: Option<FrameOfReferenceUid>,
+    /// The plane whose cloud this is; `None` for the merged one.
+    pub plane: Option<Plane>,
+    /// Name and version of the software that made it, e.g. [`crate::SOFTWARE`].
+    pub software: String,
+    /// The parameters of the reconstruction as JSON on one line.
+    pub parameters_json: String,
+}
+
+pub(super) mod key {
+    pub(crate) const FRAME: &str = "frame";
+    pub(crate) const UNIT: &str = "unit";
+    pub(crate) const PLANE: &str = "plane";
+    pub(crate) const SERIES: &str = "series_instance_uid";
+    pub(crate) const FRAME_OF_REFERENCE: &str = "frame_of_reference_uid";
+    pub(crate) const SOFTWARE: &str = "software";
+    pub(crate) const PARAMETERS: &str = "parameters";
+}
+
+/// The value of [`key::PLANE`] for the merged cloud.
+pub(super) const TRIPLANAR: &str = "triplanar";
+
+impl Metadata {
+    /// The lines `key value` that stand as comments in formats that have comments, in their order.
+    pub(super) fn lines(&self, frame: Frame) -> Vec<(&'static str, String)> {
+        let mut lines = vec![
+            (key::FRAME, frame.name().to_owned()),
+            (key::UNIT, "mm".to_owned()),
+            (key::PLANE, self.plane.map_or(TRIPLANAR, Plane::name).to_owned()),
+            (key::SERIES, self.series_instance_uid.to_string()),
+        ];
+        if let Some(uid) = &self.frame_of_reference_uid {
+            lines.push((key::FRAME_OF_REFERENCE, uid.to_string()));
+        }
+        lines.push((key::SOFTWARE, on_one_line(&self.software)));
+        lines.push((key::PARAMETERS, on_one_line(&self.parameters_json)));
+        lines
+    }
+}
+
+/// Line breaks and other control characters would end a comment.
+fn on_one_line(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>().trim().to_owned()
+}
