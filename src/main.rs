@@ -1,3 +1,7 @@
 //! `triplanar`: arguments and dispatch.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    triplanar::cli::run()
+}

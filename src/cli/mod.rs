@@ -1,1 +1,67 @@
-//! The command line.
+//! The command line: one file a subcommand.
+
+mod demo;
+mod exit;
+mod openapi;
+mod phantom;
+mod reconstruct;
+mod serve;
+mod settings;
+mod token;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+pub use exit::{Exit, Failed};
+pub use settings::Settings;
+
+/// Head CT in, the patient's skin as a point cloud out.
+///
+/// Not a medical device: for research and development.
+#[derive(Debug, Parser)]
+#[command(name = "triplanar", version, after_help = exit::TABLE)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Serve(serve::Args),
+    Demo(demo::Args),
+    Reconstruct(reconstruct::Args),
+    Phantom(phantom::Args),
+    Openapi(openapi::Args),
+    Token(token::Args),
+}
+
+/// Reads the arguments of the process, runs the subcommand, prints what failed.
+#[must_use]
+pub fn run() -> ExitCode {
+    let outcome = match Cli::parse().command {
+        Command::Serve(args) => serve::run(args),
+        Command::Demo(args) => demo::run(args),
+        Command::Reconstruct(args) => reconstruct::run(args),
+        Command::Phantom(args) => phantom::run(args),
+        Command::Openapi(args) => openapi::run(args),
+        Command::Token(args) => token::run(args),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failed) => {
+            eprintln!("triplanar: {failed}");
+            ExitCode::from(failed.exit as u8)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        super::Cli::command().debug_assert();
+    }
+}

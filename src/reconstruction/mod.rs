@@ -1,2 +1,23 @@
 //! The whole way from the instances of a series to clouds and report, without a service: what
 //! `triplanar reconstruct` and the service's worker both call, so that they give the same bytes.
+
+mod failure;
+mod report;
+mod summary;
+mod table;
+
+pub use failure::Failure;
+pub use report::{Identity, RefusedInstance, Report, ReportError, ReportRow, ReportWarning, VolumeSummary};
+pub use summary::PlaneSummary;
+
+use crate::geometry::Plane;
+
+/// What a successful reconstruction leaves behind.
+#[derive(Debug, Clone)]
+pub struct Product {
+    /// The merged cloud (`None`), then each plane's own, in the order of [`Plane::ALL`]: binary
+    /// PLY in LPS mm.
+    pub clouds: [(Option<Plane>, Vec<u8>); 4],
+    /// The report.
+    pub report: Report,
+}

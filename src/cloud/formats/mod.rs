@@ -151,9 +151,11 @@ pub fn encode(cloud: &PointCloud, metadata: &Metadata, format: Format, frame: Fr
 /// The points of the cloud in that frame, with the bytes of their other properties.
 fn vertices(cloud: &PointCloud, frame: Frame) -> impl Iterator<Item = ([f32; 3], [u8; 2])> {
     let properties = cloud.planes.iter().zip(&cloud.unique);
-    cloud.points.iter().zip(properties).map(move |(&point, (planes, &unique))| {
-        (frame.from_lps(point), [planes.bits(), u8::from(unique)])
-    })
+    cloud
+        .points
+        .iter()
+        .zip(properties)
+        .map(move |(&point, (planes, &unique))| (frame.from_lps(point), [planes.bits(), u8::from(unique)]))
 }
 
 /// Bytes of a vertex with all properties: three floats and two bytes.

@@ -108,9 +108,8 @@ impl Header {
         if self.properties != PROPERTIES.len() {
             return Err(lacks("a property"));
         }
-        let comment = |key: &str| {
-            self.comments.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str())
-        };
+        let comment =
+            |key: &str| self.comments.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str());
         let frame = [Frame::Lps, Frame::Ras].into_iter().find(|f| comment(key::FRAME) == Some(f.name()));
         let plane = match comment(key::PLANE) {
             Some(TRIPLANAR) => None,
