@@ -1,1 +1,157 @@
-//! The durable queue and its workers.
+//! The durable queue's working side.
+//!
+//! The queue is rows of the catalog, not memory: intake enqueues in the transaction that completes
+//! a series, [`Jobs::submit`] for a request with other parameters. A worker claims a row (which
+//! counts the attempt before it begins, so that a job that kills its worker can't be tried for
+//! ever), runs [`crate::reconstruction::run`] on the pipeline's own threads, keeps its claim alive,
+//! and writes the results durably before the row says that it succeeded. A worker that has lost its
+//! claim (somebody cancelled, or another worker took over) can no longer write anything.
+//!
+//! How an attempt ends:
+//!
+//! | what happened | the row |
+//! |---|---|
+//! | clouds and report are stored | `succeeded` |
+//! | the series is at fault, or nothing is left of it (`empty_cloud`) | `failed`, with the report if there is one |
+//! | a passing fault, a full disk, a panic (`internal`) | `queued` after a back-off; `failed` after `jobs.max_attempts` |
+//! | `jobs.timeout` has passed | `failed`, `timeout` |
+//! | the process died | `queued` at the next start; `failed`, `worker_died`, after `jobs.max_attempts` |
+//! | the service shuts down | `queued`, the attempt not counted |
+//! | somebody cancelled it | `cancelled` |
+
+mod events;
+
+use std::sync::Arc;
+
+use tokio::sync::{Notify, broadcast};
+use tokio_util::sync::CancellationToken;
+
+use crate::config::{self, Config};
+use crate::dicom::uid::SeriesInstanceUid;
+use crate::error::{Error, Result};
+use crate::pipeline::Parameters;
+use crate::store::{Reclaim, ReconstructionId, ReconstructionRecord, ReconstructionState, Store};
+use crate::telemetry::Metrics;
+
+pub use events::Event;
+
+/// The queue as the rest of the service uses it. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Jobs {
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    store: Store,
+    settings: config::Jobs,
+    metrics: Arc<Metrics>,
+    hub: Arc<events::Hub>,
+    wakeup: Arc<Notify>,
+}
+
+impl Jobs {
+    /// The queue of `store`, with the pipeline's threads; nothing runs before [`Jobs::run`].
+    ///
+    /// # Errors
+    /// [`Error::Internal`] if the system gives no threads.
+    pub fn new(store: Store, config: &Config, metrics: Arc<Metrics>) -> Result<Self> {
+        let shared = Shared {
+            store,
+            settings: config.jobs.clone(),
+            metrics,
+            hub: Arc::default(),
+            wakeup: Arc::default(),
+        };
+        Ok(Self { shared: Arc::new(shared) })
+    }
+
+    /// Wakes a worker: whoever enqueues a row notifies it.
+    #[must_use]
+    pub fn wakeup(&self) -> Arc<Notify> {
+        Arc::clone(&self.shared.wakeup)
+    }
+
+    /// Asks for a reconstruction of the latest revision of a complete series. The same parameters
+    /// on the same instances are the same reconstruction: then it is given back as it stands, and
+    /// the second value is `false`.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] outside a range, [`Error::NotFound`],
+    /// [`Error::SeriesIncomplete`], [`Error::NotReconstructable`], [`Error::SourceRemoved`],
+    /// [`Error::Busy`] when `jobs.max_queued` wait.
+    pub async fn submit(
+        &self,
+        series: &SeriesInstanceUid,
+        parameters: Parameters,
+    ) -> Result<(ReconstructionRecord, bool)> {
+        parameters.check().map_err(|wrong| Error::InvalidParameter {
+            name: wrong.name.to_owned(),
+            detail: wrong.to_string(),
+        })?;
+        let (record, new) =
+            self.shared.store.enqueue(series, &parameters, self.shared.settings.max_queued).await?;
+        if new {
+            self.shared.wakeup.notify_one();
+        }
+        Ok((record, new))
+    }
+
+    /// Cancels a reconstruction that waits, or asks a running one to stop. One that has ended stays
+    /// as it is.
+    ///
+    /// # Errors
+    /// [`Error::NotFound`].
+    pub async fn cancel(&self, id: ReconstructionId) -> Result<ReconstructionRecord> {
+        let before = self.shared.store.reconstruction(id).await?.map(|record| record.state);
+        let record = self.shared.store.cancel(id).await?;
+        if before == Some(ReconstructionState::Queued) && record.state == ReconstructionState::Cancelled {
+            tracing::info!(reconstruction = %id, series = %record.series_instance_uid, "reconstruction cancelled");
+            self.shared.metrics.job_finished(record.state);
+            self.shared.tell(&record);
+        }
+        Ok(record)
+    }
+
+    /// Every change of a reconstruction from now on; the channel ends after a final state. Read the
+    /// record after subscribing: what changed before is not told.
+    #[must_use]
+    pub fn subscribe(&self, id: ReconstructionId) -> broadcast::Receiver<Event> {
+        self.shared.hub.subscribe(id)
+    }
+
+    /// Runs the workers until `shutdown`; a job that runs then goes back to the queue. First of
+    /// all, what an earlier process was running is put back: this one holds the data directory.
+    pub async fn run(&self, shutdown: CancellationToken) {
+        self.shared.reclaim(Reclaim::All).await;
+        shutdown.cancelled().await;
+    }
+}
+
+impl Shared {
+    /// Puts back what has lost its worker.
+    async fn reclaim(&self, which: Reclaim) {
+        match self.store.reclaim(which, self.settings.max_attempts).await {
+            Ok(records) => records.iter().for_each(|record| {
+                tracing::warn!(
+                    reconstruction = %record.id,
+                    series = %record.series_instance_uid,
+                    attempts = record.attempts,
+                    state = record.state.name(),
+                    "a reconstruction had lost its worker"
+                );
+                if record.state.is_final() {
+                    self.metrics.job_finished(record.state);
+                }
+                self.tell(record);
+                self.wakeup.notify_one();
+            }),
+            Err(error) => tracing::error!(error = ?error, "lost reconstructions can't be looked for"),
+        }
+    }
+
+    fn tell(&self, record: &ReconstructionRecord) {
+        let (id, state, stage, fraction) = (record.id, record.state, record.stage, record.fraction);
+        self.hub.publish(Event { id, state, stage, fraction });
+    }
+}
