@@ -3,9 +3,16 @@
 //!
 //! Bytes from outside pass [`scan`] before anything parses them.
 
+mod digest;
 pub mod header;
+pub mod part10;
+pub mod scan;
+pub mod series;
+pub mod sop_class;
 pub mod source;
+pub mod transfer_syntax;
 pub mod uid;
 mod volume;
 
+pub use digest::content_digest;
 pub use volume::{SeriesIdentity, Volume};

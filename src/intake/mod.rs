@@ -15,21 +15,13 @@ use uuid::Uuid;
 
 use crate::config::Config;
 use crate::dicom::header::InstanceHeader;
-use crate::dicom::uid::{SeriesInstanceUid, SopClassUid, SopInstanceUid, TransferSyntaxUid};
+use crate::dicom::uid::{SeriesInstanceUid, SopClassUid, SopInstanceUid};
 use crate::error::Result;
 use crate::store::{CompleteReason, ReconstructionId, Store};
 use crate::telemetry::Metrics;
 
+pub use crate::dicom::scan::Encoding;
 pub use spool::Spool;
-
-/// How the spooled bytes are to be read.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Encoding {
-    /// A Part 10 file with preamble and file meta information (or one that lost its preamble).
-    Part10,
-    /// A bare data set in this transfer syntax, as C-STORE carries it.
-    DataSet(TransferSyntaxUid),
-}
 
 /// Who sent an instance.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,0 +1,119 @@
+//! Collects the attributes of [`InstanceHeader`] on the walk.
+
+use dicom_core::Tag;
+use dicom_dictionary_std::tags;
+use dicom_encoding::text::{SpecificCharacterSet, TextCodec};
+
+use super::input::Input;
+use super::values::{text, texts};
+use super::walk::{Event, Walker};
+use super::{Layout, ScanError};
+use crate::dicom::header::InstanceHeader;
+use crate::dicom::uid::TransferSyntaxUid;
+
+/// The most bytes that an attribute of the header may have. The longest by the standard are
+/// Image Type and Specific Character Set, with some values of 16 characters each.
+const MAX_VALUE: usize = 4096;
+
+/// The values as they stand in the data set.
+#[derive(Default)]
+pub(super) struct Found {
+    values: Vec<(Tag, Vec<u8>, Layout)>,
+    has_pixel_data: bool,
+}
+
+const WANTED: [Tag; 14] = [
+    tags::SPECIFIC_CHARACTER_SET,
+    tags::IMAGE_TYPE,
+    tags::SOP_CLASS_UID,
+    tags::SOP_INSTANCE_UID,
+    tags::ACCESSION_NUMBER,
+    tags::MODALITY,
+    tags::SERIES_DESCRIPTION,
+    tags::PATIENT_ID,
+    tags::STUDY_INSTANCE_UID,
+    tags::SERIES_INSTANCE_UID,
+    tags::FRAME_OF_REFERENCE_UID,
+    tags::NUMBER_OF_FRAMES,
+    tags::ROWS,
+    tags::COLUMNS,
+];
+
+/// Walks to the end of the data set.
+pub(super) fn collect<I: Input>(walker: &mut Walker<'_, I>) -> Result<Found, ScanError> {
+    let mut found = Found::default();
+    while let Some(event) = walker.next()? {
+        if !walker.at_top() {
+            continue;
+        }
+        match event {
+            Event::Element { tag, value, .. } if tag == tags::PIXEL_DATA => {
+                found.has_pixel_data = value.length > 0;
+            }
+            Event::Fragments(tag) if tag == tags::PIXEL_DATA => found.has_pixel_data = true,
+            Event::Element { tag, layout, .. } if WANTED.contains(&tag) => {
+                let value = walker.value(tag, MAX_VALUE)?;
+                found.values.push((tag, value, layout));
+            }
+            _ => {}
+        }
+    }
+    Ok(found)
+}
+
+impl Found {
+    fn value(&self, tag: Tag) -> Option<&[u8]> {
+        self.values.iter().find(|(t, ..)| *t == tag).map(|(_, value, _)| value.as_slice())
+    }
+
+    fn u16(&self, tag: Tag) -> Option<u16> {
+        let (_, value, layout) = self.values.iter().find(|(t, ..)| *t == tag)?;
+        Some(layout.u16(value.get(..2)?.try_into().ok()?))
+    }
+
+    fn uid<T: std::str::FromStr>(&self, tag: Tag) -> Option<T> {
+        text(self.value(tag)?).parse().ok()
+    }
+
+    /// Text in the data set's character set (PS3.3 section C.12.1.1.2), `None` where empty.
+    fn text(&self, tag: Tag) -> Option<String> {
+        let value = self.value(tag)?;
+        // Of several character sets the first is the one in force without escape sequences.
+        let set = self.value(tags::SPECIFIC_CHARACTER_SET).map(texts).unwrap_or_default();
+        let codec = set.first().and_then(|code| SpecificCharacterSet::from_code(code)).unwrap_or_default();
+        let decoded = codec.decode(value).unwrap_or_else(|_| String::from_utf8_lossy(value).into_owned());
+        Some(decoded.trim_matches([' ', '\0']).to_owned()).filter(|text| !text.is_empty())
+    }
+
+    /// The header; what an instance can't be filed without must be there.
+    pub(super) fn finish(self, transfer_syntax_uid: TransferSyntaxUid) -> Result<InstanceHeader, ScanError> {
+        let missing = |attribute| ScanError::Missing { attribute };
+        let frames = match self.value(tags::NUMBER_OF_FRAMES).map(text).filter(|text| !text.is_empty()) {
+            None => 1,
+            Some(text) => text.parse().map_err(|_| missing("NumberOfFrames (0028,0008)"))?,
+        };
+        Ok(InstanceHeader {
+            sop_class_uid: self.uid(tags::SOP_CLASS_UID).ok_or(missing("SOPClassUID (0008,0016)"))?,
+            sop_instance_uid: self
+                .uid(tags::SOP_INSTANCE_UID)
+                .ok_or(missing("SOPInstanceUID (0008,0018)"))?,
+            study_instance_uid: self
+                .uid(tags::STUDY_INSTANCE_UID)
+                .ok_or(missing("StudyInstanceUID (0020,000D)"))?,
+            series_instance_uid: self
+                .uid(tags::SERIES_INSTANCE_UID)
+                .ok_or(missing("SeriesInstanceUID (0020,000E)"))?,
+            transfer_syntax_uid,
+            frame_of_reference_uid: self.uid(tags::FRAME_OF_REFERENCE_UID),
+            modality: self.text(tags::MODALITY),
+            image_type: self.value(tags::IMAGE_TYPE).map(texts).unwrap_or_default(),
+            series_description: self.text(tags::SERIES_DESCRIPTION),
+            patient_id: self.text(tags::PATIENT_ID),
+            accession_number: self.text(tags::ACCESSION_NUMBER),
+            frames,
+            rows: self.u16(tags::ROWS),
+            columns: self.u16(tags::COLUMNS),
+            has_pixel_data: self.has_pixel_data,
+        })
+    }
+}

@@ -1,0 +1,54 @@
+//! Whether a series is one from which a head can be reconstructed, by its headers alone.
+
+use crate::dicom::header::InstanceHeader;
+use crate::dicom::sop_class;
+use crate::store::UnfitReason;
+
+/// Why the series of these instances is kept but not reconstructed, or `None` if it can be tried.
+///
+/// Localizers (PS3.3 section C.8.2.1.1.1: Image Type value 3 `LOCALIZER`) and secondary captures
+/// among real slices don't count; a series of nothing else is one. `min_slices` is the setting
+/// `intake.min_slices`; the frames of a multi-frame instance count each.
+#[must_use]
+pub fn unfit(headers: &[InstanceHeader], min_slices: usize) -> Option<UnfitReason> {
+    let first_of = |reason: fn(&InstanceHeader) -> bool, rest: &mut Vec<&InstanceHeader>| {
+        rest.retain(|header| !reason(header));
+        rest.is_empty()
+    };
+    let mut rest: Vec<_> = headers.iter().collect();
+    if first_of(|header| !is_ct(header), &mut rest) {
+        return Some(UnfitReason::NotCt);
+    }
+    if first_of(|header| !header.has_pixel_data, &mut rest) {
+        return Some(UnfitReason::NoPixelData);
+    }
+    if first_of(is_localizer, &mut rest) {
+        return Some(UnfitReason::Localizer);
+    }
+    if first_of(is_secondary_capture, &mut rest) {
+        return Some(UnfitReason::SecondaryCapture);
+    }
+    let slices: u64 = rest.iter().map(|header| u64::from(header.frames)).sum();
+    (slices < min_slices as u64).then_some(UnfitReason::TooFewSlices)
+}
+
+/// Whether this instance can be a slice (or slices) of a volume.
+pub(super) fn is_slice(header: &InstanceHeader) -> bool {
+    is_ct(header) && header.has_pixel_data && !is_localizer(header) && !is_secondary_capture(header)
+}
+
+fn is_ct(header: &InstanceHeader) -> bool {
+    header.modality.as_deref().is_none_or(|modality| modality == "CT")
+        && sop_class::is_accepted(&header.sop_class_uid)
+}
+
+fn is_localizer(header: &InstanceHeader) -> bool {
+    header.image_type.iter().any(|value| value.eq_ignore_ascii_case("LOCALIZER"))
+}
+
+fn is_secondary_capture(header: &InstanceHeader) -> bool {
+    let says = |words: &[&str]| {
+        header.image_type.iter().any(|value| words.iter().any(|word| value.eq_ignore_ascii_case(word)))
+    };
+    says(&["SECONDARY CAPTURE", "SCREEN SAVE", "SCREENSAVE", "SCREENSHOT", "DOSE_INFO"])
+}

@@ -1,0 +1,59 @@
+//! What is worth knowing about a series that was read all the same.
+
+use serde::{Deserialize, Serialize};
+
+/// Something unusual that was handled; stands in the report.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Warning {
+    /// Which.
+    pub code: WarningCode,
+    /// What was found, with its figures.
+    pub detail: String,
+}
+
+macro_rules! codes {
+    ($($(#[$doc:meta])* $variant:ident = $text:literal),+ $(,)?) => {
+        /// The stable code of a [`Warning`].
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema)]
+        #[serde(rename_all = "snake_case")]
+        pub enum WarningCode { $($(#[$doc])* $variant),+ }
+
+        impl WarningCode {
+            /// All of them.
+            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
+            /// The one name.
+            #[must_use]
+            pub fn name(self) -> &'static str { match self { $(Self::$variant => $text),+ } }
+        }
+    };
+}
+
+codes! {
+    /// The slices are sheared against their normal, by the positions (never by the tag).
+    GantryTilt = "gantry_tilt",
+    /// The steps between slices differ.
+    VariableSpacing = "variable_spacing",
+    /// Rows and columns have different pixel spacing.
+    AnisotropicPixels = "anisotropic_pixels",
+    /// Slices lie further apart than 3 mm: the surface is coarse.
+    ThickSlices = "thick_slices",
+    /// The instance numbers run from head to feet, against the patient's z axis.
+    Descending = "descending",
+    /// The scan's axes were permuted or flipped to the patient's: not an axial, supine, head-first
+    /// acquisition.
+    Reoriented = "reoriented",
+    /// The scan's axes are not the patient's: off by some degrees.
+    Oblique = "oblique",
+    /// Pixels marked as padding were set to air.
+    Padding = "padding",
+    /// The matrix has odd or unequal sides.
+    UnusualMatrix = "unusual_matrix",
+    /// Instances were there twice with the same content.
+    DuplicateInstances = "duplicate_instances",
+    /// Values beyond the range of 16-bit Hounsfield units were clipped.
+    ClippedHu = "clipped_hu",
+    /// Instances of the series are no slices of it (a localizer, a dose report) and were left out.
+    IgnoredInstances = "ignored_instances",
+    /// The pixels went through a lossy compression.
+    LossyCompression = "lossy_compression",
+}
