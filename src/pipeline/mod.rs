@@ -1,12 +1,48 @@
-//! The triplanar pipeline of Cvetić et al. 2025 (Bioengineering 12(5), 498), one file a step.
-//! Pure: values in, values out.
+//! The triplanar pipeline of Cvetić et al. 2025 (Bioengineering 12(5), 498: "the paper"), one file
+//! a step. Pure: values in, values out.
+//!
+//! | step | file | paper |
+//! |---|---|---|
+//! | a volume is cut into slices along three planes | [`slices`] | section 2.1 |
+//! | tissue is white | [`mask`] | Algorithm 1 |
+//! | the head's outermost contour | [`contour`] | section 2.2 |
+//! | tests, the first that fails rejects the slice | [`rules`] | section 2.2, Algorithms 2 and 3 |
+//! | the decision on every slice | [`decisions`] | section 2.2 |
+//! | contour pixels become points in the patient | [`lift`] | Algorithm 4 |
+//! | one point per cell | [`voxel_grid`] | section 2.3 |
+//! | sparse and stray points are dropped | [`radius_outlier`], [`statistical_outlier`] | section 2.3 |
+//! | what the axial cloud alone would not have | [`unique`] | section 3.2 |
+//!
+//! [`reconstruct()`] runs them all. What the paper leaves open is as in the program that its
+//! authors published. Two of that program's ways are not taken: points are in true patient
+//! coordinates, and so neither are two of the planes a slice too low nor is the lower part of a
+//! volume with thick slices cut off.
 
+mod bitmap;
+mod cells;
+pub mod contour;
+pub mod decisions;
+pub mod lift;
+pub mod mask;
 mod observer;
 mod outcome;
 pub mod parameters;
+mod picture;
+pub mod radius_outlier;
+mod reconstruct;
 mod rejection;
+pub mod rules;
+pub mod slices;
+pub mod statistical_outlier;
+mod thresholds;
+pub mod unique;
+pub mod voxel_grid;
 
+pub use bitmap::Bitmap;
 pub use observer::{Observer, Silent, Stage};
 pub use outcome::{Figures, PipelineError, Reconstruction, SliceRow};
 pub use parameters::{Parameters, Profile};
+pub use picture::picture;
+pub use reconstruct::reconstruct;
 pub use rejection::{Reason, Rejection};
+pub use thresholds::Thresholds;

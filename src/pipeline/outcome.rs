@@ -24,7 +24,8 @@ pub struct Reconstruction {
 pub struct SliceRow {
     /// The plane.
     pub plane: Plane,
-    /// Index within the plane (algorithm.md section 2.1).
+    /// Index within the plane: axial from the top, sagittal from the patient's right, coronal from
+    /// the back.
     pub index: usize,
     /// `None` for an accepted slice.
     pub rejection: Option<Rejection>,
@@ -34,7 +35,7 @@ pub struct SliceRow {
     pub solidity: Option<f64>,
     /// Number of pixels of the cut contour.
     pub contour_points: usize,
-    /// Carried area before and after the slice, px² (algorithm.md section 2.3, step 6).
+    /// Carried area before and after the slice, px².
     pub carried_area: (Option<f64>, Option<f64>),
 }
 

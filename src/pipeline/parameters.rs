@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::thresholds::Thresholds;
+
 /// Which pipeline runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -32,6 +34,11 @@ pub struct Parameters {
     pub radius_outlier: RadiusOutlier,
     /// Statistical outlier removal.
     pub statistical_outlier: StatisticalOutlier,
+    /// A point is unique if no axial point lies nearer than this, mm (paper: 1).
+    #[schema(minimum = 0.0, maximum = 1000.0)]
+    pub unique_distance_mm: f32,
+    /// Which contours are kept and which slices are rejected.
+    pub thresholds: Thresholds,
 }
 
 impl Default for Parameters {
@@ -43,6 +50,8 @@ impl Default for Parameters {
             leaf_mm: 1.0,
             radius_outlier: RadiusOutlier::default(),
             statistical_outlier: StatisticalOutlier::default(),
+            unique_distance_mm: 1.0,
+            thresholds: Thresholds::default(),
         }
     }
 }
@@ -114,11 +123,14 @@ impl Parameters {
         let neighbours = f64::from(self.statistical_outlier.neighbours);
         within("statistical_outlier.neighbours", neighbours, 0.0..=1000.0, "within 0 to 1000")?;
         let deviations = self.statistical_outlier.deviations;
-        within("statistical_outlier.deviations", deviations, 0.0..=1000.0, "within 0 to 1000")
+        within("statistical_outlier.deviations", deviations, 0.0..=1000.0, "within 0 to 1000")?;
+        let unique_distance = f64::from(self.unique_distance_mm);
+        within("unique_distance_mm", unique_distance, 0.0..=1000.0, "within 0 to 1000 mm")?;
+        self.thresholds.check()
     }
 }
 
-fn within(
+pub(super) fn within(
     name: &'static str,
     value: f64,
     allowed: std::ops::RangeInclusive<f64>,

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A test of the paper that a slice failed (algorithm.md section 2.4 numbers them).
+/// A test of the paper that a slice failed (numbered in the order in which they are made).
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema,
 )]
@@ -96,4 +96,12 @@ pub struct Rejection {
     pub measured: f64,
     /// The limit it was held against, in the same unit.
     pub limit: f64,
+}
+
+impl Rejection {
+    /// A rejection by a count.
+    #[expect(clippy::cast_precision_loss, reason = "counts of pixels and rows are far below 2^53")]
+    pub(super) fn count(reason: Reason, measured: usize, limit: u32) -> Self {
+        Self { reason, measured: measured as f64, limit: f64::from(limit) }
+    }
 }

@@ -1,0 +1,54 @@
+//! Points sorted into cubic cells, to find those near a place.
+
+use rayon::slice::ParallelSliceMut;
+
+/// Cells in the order z, y, x.
+type Cell = [i64; 3];
+
+/// Points sorted into the cells of a cubic grid.
+///
+/// A row of cells along x is one stretch of the sorted points, so that everything within one cell
+/// of a place is nine stretches, found by bisection. Works for any extent: only occupied cells are
+/// held.
+#[derive(Debug)]
+pub(super) struct Cells {
+    inverse: f64,
+    cells: Vec<Cell>,
+    points: Vec<[f32; 3]>,
+}
+
+impl Cells {
+    /// Sorts `points` into cells of edge `edge`, mm.
+    pub(super) fn new(points: &[[f32; 3]], edge: f64) -> Self {
+        let inverse = 1.0 / edge;
+        let mut sorted: Vec<(Cell, [f32; 3])> = points.iter().map(|&p| (cell(p, inverse), p)).collect();
+        sorted.par_sort_by_key(|&(cell, _)| cell);
+        let (cells, points) = sorted.into_iter().unzip();
+        Self { inverse, cells, points }
+    }
+
+    /// Stretches of points that hold every point within one edge of `place`: the row of its own
+    /// cell first.
+    pub(super) fn around(&self, place: [f32; 3]) -> impl Iterator<Item = &[[f32; 3]]> {
+        const ROWS: [[i64; 2]; 9] =
+            [[0, 0], [0, -1], [0, 1], [-1, 0], [1, 0], [-1, -1], [-1, 1], [1, -1], [1, 1]];
+        let [z, y, x] = cell(place, self.inverse);
+        ROWS.iter().map(move |&[dz, dy]| {
+            let (z, y) = (z.saturating_add(dz), y.saturating_add(dy));
+            let start = self.cells.partition_point(|&c| c < [z, y, x.saturating_sub(1)]);
+            let length = self.cells[start..].partition_point(|&c| c <= [z, y, x.saturating_add(1)]);
+            &self.points[start..start + length]
+        })
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "saturates, and then everything shares a cell")]
+fn cell(point: [f32; 3], inverse: f64) -> Cell {
+    [2, 1, 0].map(|axis| (f64::from(point[axis]) * inverse).floor() as i64)
+}
+
+/// Squared distance in single precision, as PCL's search trees compute it.
+pub(super) fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+    let [x, y, z] = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    x * x + y * y + z * z
+}

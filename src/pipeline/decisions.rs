@@ -1,0 +1,131 @@
+//! The decision on every slice of a volume.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use ndarray::Array3;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+
+use super::contour::{Pixel, outline};
+use super::mask::mask;
+use super::observer::{Observer, Stage};
+use super::outcome::{PipelineError, SliceRow};
+use super::parameters::Parameters;
+use super::rejection::{Reason, Rejection};
+use super::rules::{CarriedArea, Findings};
+use super::slices;
+use crate::geometry::Plane;
+
+/// A row for every slice, and the contours of the accepted ones.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Decisions {
+    /// Axial, then sagittal, then coronal, each by index.
+    pub rows: Vec<SliceRow>,
+    /// For each row the pixels of the contour; empty for a rejected slice.
+    pub contours: Vec<Vec<Pixel>>,
+}
+
+impl Decisions {
+    /// Index and contour of the accepted slices of a plane.
+    pub fn accepted(&self, plane: Plane) -> impl Iterator<Item = (usize, &[Pixel])> {
+        let rows = self.rows.iter().zip(&self.contours);
+        rows.filter(move |(row, _)| row.plane == plane && row.rejection.is_none())
+            .map(|(row, contour)| (row.index, contour.as_slice()))
+    }
+}
+
+/// What one slice gives before its area is compared with the slices before it.
+struct Candidate {
+    findings: Findings,
+    contour: Vec<Pixel>,
+}
+
+/// Decides on every slice of the volume `V[[z, y, x]]` (paper, sections 2.1 and 2.2).
+///
+/// The slices of a plane are looked at in parallel; the area carried from slice to slice is then
+/// compared in their order.
+///
+/// # Errors
+/// [`PipelineError::Cancelled`] if the observer asks for it.
+pub fn decide(
+    hu: &Array3<i16>,
+    parameters: &Parameters,
+    observer: &dyn Observer,
+) -> Result<Decisions, PipelineError> {
+    let mut decisions = Decisions::default();
+    for (plane, stage) in Plane::ALL.into_iter().zip([Stage::Axial, Stage::Sagittal, Stage::Coronal]) {
+        let mut carried = CarriedArea::default();
+        let candidates = candidates(hu, plane, stage, parameters, observer)?;
+        for (index, candidate) in candidates.into_iter().enumerate() {
+            let (row, contour) = decide_slice(plane, index, candidate, &mut carried, parameters);
+            decisions.rows.push(row);
+            decisions.contours.push(contour);
+        }
+    }
+    Ok(decisions)
+}
+
+fn candidates(
+    hu: &Array3<i16>,
+    plane: Plane,
+    stage: Stage,
+    parameters: &Parameters,
+    observer: &dyn Observer,
+) -> Result<Vec<Option<Candidate>>, PipelineError> {
+    let (nz, ny, nx) = hu.dim();
+    let count = slices::count([nz, ny, nx], plane);
+    let done = AtomicUsize::new(0);
+    observer.progress(stage, 0.0);
+    (0..count)
+        .into_par_iter()
+        .map(|index| {
+            if observer.cancelled() {
+                return Err(PipelineError::Cancelled);
+            }
+            let candidate = candidate(hu, plane, index, parameters);
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            #[expect(clippy::cast_precision_loss, reason = "numbers of slices")]
+            observer.progress(stage, done as f64 / count as f64);
+            Ok(candidate)
+        })
+        .collect()
+}
+
+fn candidate(hu: &Array3<i16>, plane: Plane, index: usize, parameters: &Parameters) -> Option<Candidate> {
+    let slice = slices::view(hu, plane, index)?;
+    let outline = outline(mask(slice, parameters), plane, &parameters.thresholds.contour)?;
+    let findings = Findings::of(&outline, &parameters.thresholds);
+    Some(Candidate { findings, contour: outline.contour.pixels })
+}
+
+fn decide_slice(
+    plane: Plane,
+    index: usize,
+    candidate: Option<Candidate>,
+    carried: &mut CarriedArea,
+    parameters: &Parameters,
+) -> (SliceRow, Vec<Pixel>) {
+    let Some(Candidate { findings, contour }) = candidate else {
+        let row = SliceRow {
+            plane,
+            index,
+            rejection: Some(Rejection::count(Reason::NoContour, 0, 1)),
+            contour_area: None,
+            solidity: None,
+            contour_points: 0,
+            carried_area: (carried.0, carried.0),
+        };
+        return (row, Vec::new());
+    };
+    let before = carried.start(&findings.measures);
+    let rejection = carried.decide(&findings, &parameters.thresholds);
+    let row = SliceRow {
+        plane,
+        index,
+        rejection,
+        contour_area: Some(findings.measures.area),
+        solidity: Some(findings.measures.solidity),
+        contour_points: contour.len(),
+        carried_area: (Some(before), carried.0),
+    };
+    (row, if rejection.is_none() { contour } else { Vec::new() })
+}
