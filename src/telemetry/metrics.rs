@@ -88,6 +88,7 @@ pub struct Metrics {
     series_completed: Family<ReasonLabel, Counter>,
     associations_accepted: Counter,
     associations_rejected: Family<ReasonLabel, Counter>,
+    associations_failed: Family<ReasonLabel, Counter>,
     associations_open: Gauge,
     jobs: Family<StateLabel, Counter>,
     job_attempts: Counter,
@@ -116,6 +117,7 @@ impl Metrics {
             series_completed: Family::default(),
             associations_accepted: Counter::default(),
             associations_rejected: Family::default(),
+            associations_failed: Family::default(),
             associations_open: Gauge::default(),
             jobs: Family::default(),
             job_attempts: Counter::default(),
@@ -157,6 +159,11 @@ impl Metrics {
             "associations_rejected",
             "DICOM associations rejected, by reason",
             self.associations_rejected.clone(),
+        );
+        r.register(
+            "associations_failed",
+            "DICOM connections and associations that ended other than by release, by reason",
+            self.associations_failed.clone(),
         );
         r.register("associations_open", "DICOM associations open now", self.associations_open.clone());
         r.register("jobs", "Reconstructions that reached a final state, by state", self.jobs.clone());
@@ -226,6 +233,12 @@ impl Metrics {
     /// An association was rejected; `reason` is a stable code such as `unknown_calling_ae_title`.
     pub fn association_rejected(&self, reason: &'static str) {
         self.associations_rejected.get_or_create(&ReasonLabel { reason }).inc();
+    }
+
+    /// A connection or an association ended other than by release; `reason` is a stable code such
+    /// as `idle`.
+    pub fn association_failed(&self, reason: &'static str) {
+        self.associations_failed.get_or_create(&ReasonLabel { reason }).inc();
     }
 
     /// A reconstruction reached a final state.

@@ -1,0 +1,255 @@
+//! One association that a peer opened: request, answer, messages, end.
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::panic::AssertUnwindSafe;
+use std::sync::Arc;
+
+use bytes::Bytes;
+use dicom_ul::pdu::{AbortRQServiceProviderReason as Reason, AbortRQSource, AssociationRQ, Pdu};
+use futures_util::FutureExt;
+use tokio::net::TcpStream;
+use uuid::Uuid;
+
+use super::admission::{LimitReached, Slot};
+use super::channel::{Channel, Incoming};
+use super::command::{CommandSet, NO_DATA_SET, RESPONSE, element};
+use super::connection::{Connection, Received};
+use super::fault::Fault;
+use super::negotiation::{self, Accepted, Context};
+use super::rejection::Rejection;
+use super::server::Shared;
+use super::services::{self, Request};
+use super::status::{Refusal, SUCCESS};
+use super::stop::Stop;
+use crate::intake::{Intake, Sender};
+use crate::telemetry::Metrics;
+
+/// Bytes of refused data sets that one message may still send; a sender of more is cut off.
+const MAX_DISCARDED: u64 = 4_294_967_296;
+
+/// Serves one connection to its end.
+pub(crate) async fn serve(
+    stream: TcpStream,
+    peer: SocketAddr,
+    slot: Result<Slot, LimitReached>,
+    shared: Arc<Shared>,
+    stop: Stop,
+) {
+    let config = &shared.config;
+    let mut connection = match Connection::new(stream, config.max_pdu_length, config.write_timeout) {
+        Ok(connection) => connection,
+        Err(fault) => return tracing::debug!(%peer, %fault, "no connection"),
+    };
+    let request = match request(&mut connection, &shared, &stop).await {
+        Ok(request) => request,
+        Err(fault) => {
+            shared.metrics.association_failed(fault.code());
+            tracing::info!(%peer, code = fault.code(), %fault, "no association request");
+            // Before there is an association every abort is the service user's (PS3.8 table
+            // 9-10, action AA-1); a connection on which nothing came is closed without a word
+            // (AA-2).
+            if matches!(fault, Fault::Protocol { .. }) {
+                // The peer may be gone: nothing more to do for it.
+                let _ = connection.send(&Pdu::AbortRQ { source: AbortRQSource::ServiceUser }).await;
+            }
+            return connection.close().await;
+        }
+    };
+    let (calling, called) = (request.calling_ae_title.clone(), request.called_ae_title.clone());
+    let answer = negotiation::negotiate(request, config).and_then(|accepted| match &slot {
+        Ok(_) => Ok(accepted),
+        Err(limit) => {
+            tracing::warn!(%peer, limit = limit.0, "too many associations");
+            Err(Rejection::Limit)
+        }
+    });
+    let accepted = match answer {
+        Ok(accepted) => accepted,
+        Err(rejection) => {
+            shared.metrics.association_rejected(rejection.code());
+            tracing::warn!(%peer, calling, called, code = rejection.code(), "association rejected");
+            // The peer may be gone: nothing more to do for it.
+            let _ = connection.send(&Pdu::AssociationRJ(rejection.pdu())).await;
+            return connection.close().await;
+        }
+    };
+    established(connection, peer, accepted, shared, stop).await;
+    drop(slot);
+}
+
+/// The association request, whatever else comes first.
+async fn request(connection: &mut Connection, shared: &Shared, stop: &Stop) -> Result<AssociationRQ, Fault> {
+    let received = tokio::select! {
+        biased;
+        () = stop.soon.cancelled() => return Err(Fault::ShuttingDown),
+        received = connection.receive(shared.config.association_timeout) => received?,
+    };
+    let Received::Pdu(pdu) = received else {
+        return Err(Fault::protocol(Reason::UnexpectedPdu, "data without an association"));
+    };
+    match *pdu {
+        Pdu::AssociationRQ(request) => Ok(request),
+        Pdu::AbortRQ { .. } => Err(Fault::Aborted),
+        other => {
+            let detail = format!("{} without an association", other.short_description());
+            Err(Fault::protocol(Reason::UnexpectedPdu, detail))
+        }
+    }
+}
+
+async fn established(
+    mut connection: Connection,
+    peer: SocketAddr,
+    accepted: Accepted,
+    shared: Arc<Shared>,
+    stop: Stop,
+) {
+    let id = Uuid::now_v7();
+    let calling = accepted.calling_ae_title.clone();
+    tracing::info!(association = %id, %peer, calling, contexts = accepted.contexts.len(), "association");
+    shared.metrics.association_opened();
+    let sent = connection.send(&Pdu::AssociationAC(accepted.answer)).await;
+    let channel = Channel::new(connection, accepted.peer_max_pdu_length, shared.config.idle_timeout, stop);
+    let mut association = Association {
+        id,
+        calling_ae_title: accepted.calling_ae_title,
+        contexts: accepted.contexts,
+        channel,
+        discarded: 0,
+        shared: Arc::clone(&shared),
+    };
+    let messages = async {
+        sent?;
+        association.messages().await
+    };
+    // A defect of ours must not keep the association's end from the intake.
+    let outcome = AssertUnwindSafe(messages).catch_unwind().await;
+    match outcome {
+        Ok(Ok(())) => {
+            tracing::info!(association = %id, calling, "released");
+        }
+        Ok(Err(fault)) => {
+            shared.metrics.association_failed(fault.code());
+            tracing::warn!(association = %id, calling, code = fault.code(), %fault, "association ended");
+            association.channel.abort(&fault).await;
+        }
+        Err(_panic) => {
+            shared.metrics.association_failed("internal");
+            tracing::error!(association = %id, calling, "association ended by a defect; please report it");
+            association.channel.abort(&Fault::Message("defect".to_owned())).await;
+        }
+    }
+    if let Err(error) = shared.intake.association_ended(id).await {
+        // The quiet time completes its series all the same.
+        tracing::error!(association = %id, %error, "the association's end was not recorded");
+    }
+    shared.metrics.association_closed();
+    association.channel.close().await;
+}
+
+/// An open association, as the services see it.
+pub(crate) struct Association {
+    id: Uuid,
+    calling_ae_title: String,
+    contexts: BTreeMap<u8, Context>,
+    channel: Channel,
+    /// Bytes that were thrown away of the message at hand.
+    discarded: u64,
+    shared: Arc<Shared>,
+}
+
+impl Association {
+    /// Request by request until the release.
+    async fn messages(&mut self) -> Result<(), Fault> {
+        loop {
+            let (context_id, command) = match self.channel.message().await? {
+                Incoming::Command(context_id, command) => (context_id, command),
+                Incoming::ReleaseRequest => return self.channel.send(&Pdu::ReleaseRP).await,
+                Incoming::ReleaseResponse => {
+                    let detail = "a release was confirmed that nobody asked for";
+                    return Err(Fault::protocol(Reason::UnexpectedPdu, detail));
+                }
+            };
+            let Some(context) = self.contexts.get(&context_id) else {
+                let detail = format!("presentation context {context_id} was not accepted");
+                return Err(Fault::protocol(Reason::InvalidPduParameter, detail));
+            };
+            let request = Request::new(context.clone(), command)?;
+            if request.field & RESPONSE != 0 {
+                return Err(Fault::Message(format!("response {:04X} to nothing", request.field)));
+            }
+            self.discarded = 0;
+            services::perform(&request, self).await?;
+        }
+    }
+
+    /// Its id, for the log and the intake.
+    pub(crate) fn id(&self) -> Uuid {
+        self.id
+    }
+
+    /// Who sends, for the intake.
+    pub(crate) fn sender(&self) -> Sender {
+        Sender::Association { id: self.id, calling_ae_title: self.calling_ae_title.clone() }
+    }
+
+    /// Where instances go.
+    pub(crate) fn intake(&self) -> &Intake {
+        &self.shared.intake
+    }
+
+    /// What is counted.
+    pub(crate) fn metrics(&self) -> &Metrics {
+        &self.shared.metrics
+    }
+
+    /// The next piece of the request's data set; whether it was the last.
+    pub(crate) async fn data(&mut self, request: &Request) -> Result<(Bytes, bool), Fault> {
+        self.channel.data(request.context.id).await
+    }
+
+    /// Receives the request's data set, if there is one, and forgets it.
+    pub(crate) async fn discard_data_set(&mut self, request: &Request) -> Result<(), Fault> {
+        let mut last = !request.has_data_set;
+        while !last {
+            let data;
+            (data, last) = self.data(request).await?;
+            self.count_discarded(data.len())?;
+        }
+        Ok(())
+    }
+
+    /// Counts bytes of a data set that is refused anyway, and ends the association of a peer that
+    /// does not come to an end.
+    pub(crate) fn count_discarded(&mut self, bytes: usize) -> Result<(), Fault> {
+        self.discarded += bytes as u64;
+        if self.discarded > MAX_DISCARDED {
+            return Err(Fault::Message(format!("more than {MAX_DISCARDED} bytes of a refused data set")));
+        }
+        Ok(())
+    }
+
+    /// Answers the request: success, or the refusal with its status and comment.
+    pub(crate) async fn answer(
+        &mut self,
+        request: &Request,
+        outcome: Result<(), &Refusal>,
+    ) -> Result<(), Fault> {
+        let status = outcome.map_or_else(|refusal| refusal.status, |()| SUCCESS);
+        let mut response = CommandSet::default()
+            .with_number(element::COMMAND_FIELD, request.field | RESPONSE)
+            .with_number(element::MESSAGE_ID_BEING_RESPONDED_TO, request.message_id)
+            .with_number(element::COMMAND_DATA_SET_TYPE, NO_DATA_SET)
+            .with_number(element::STATUS, status);
+        for uid in [element::AFFECTED_SOP_CLASS_UID, element::AFFECTED_SOP_INSTANCE_UID] {
+            if let Some(text) = request.command.text(uid) {
+                response = response.with_uid(uid, text);
+            }
+        }
+        if let Err(refusal) = outcome {
+            response = response.with_text(element::ERROR_COMMENT, &refusal.comment);
+        }
+        self.channel.send_command(request.context.id, &response).await
+    }
+}

@@ -1,0 +1,163 @@
+//! PDUs over TCP (PS3.8 section 9.3), bounded in size and time.
+//!
+//! A PDU's claimed length is checked before a byte of its body is read, and memory grows with the
+//! bytes that came, never by the claim. The bodies are parsed by dicom-ul; P-DATA-TF, which carries
+//! the pixels, is handed on as it is, so that nothing is copied.
+
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+use dicom_ul::pdu::{AbortRQServiceProviderReason as Reason, Pdu, read_pdu, write_pdu};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio::time::timeout;
+
+use super::fault::Fault;
+
+/// Type, reserved byte, length.
+const HEADER_LENGTH: usize = 6;
+
+/// Largest A-ASSOCIATE-RQ and -AC: 128 contexts with a hundred transfer syntaxes each.
+const MAX_ASSOCIATE_LENGTH: u32 = 1_048_576;
+
+/// Body of A-ASSOCIATE-RJ, A-RELEASE-RQ, A-RELEASE-RP and A-ABORT.
+const SHORT_LENGTH: u32 = 4;
+
+/// Bytes asked of the socket at a time.
+const READ_CHUNK: usize = 65_536;
+
+/// After the last PDU, the time in which the peer may close first, so that our PDU is not lost to
+/// a TCP reset (the ARTIM timer of PS3.8).
+const LINGER: Duration = Duration::from_secs(2);
+
+/// What came.
+pub(crate) enum Received {
+    /// The body of a P-DATA-TF.
+    Data(Bytes),
+    /// Anything else.
+    Pdu(Box<Pdu>),
+}
+
+/// A TCP connection that speaks PDUs.
+pub(crate) struct Connection {
+    stream: TcpStream,
+    buffer: BytesMut,
+    max_pdu_length: u32,
+    write_timeout: Duration,
+}
+
+impl Connection {
+    /// `max_pdu_length`: the largest P-DATA-TF body that is received.
+    pub(crate) fn new(
+        stream: TcpStream,
+        max_pdu_length: u32,
+        write_timeout: Duration,
+    ) -> Result<Self, Fault> {
+        // A C-STORE-RSP is one small segment; with Nagle's algorithm it waits for the peer's
+        // delayed acknowledgement, some 45 ms a slice.
+        stream.set_nodelay(true)?;
+        Ok(Self { stream, buffer: BytesMut::new(), max_pdu_length, write_timeout })
+    }
+
+    /// The next PDU, whole within `limit`. Cancelling it loses nothing.
+    pub(crate) async fn receive(&mut self, limit: Duration) -> Result<Received, Fault> {
+        timeout(limit, self.receive_untimed()).await.unwrap_or(Err(Fault::Idle(limit)))
+    }
+
+    async fn receive_untimed(&mut self) -> Result<Received, Fault> {
+        self.fill(HEADER_LENGTH).await?;
+        let mut header = [0; HEADER_LENGTH];
+        header.copy_from_slice(&self.buffer[..HEADER_LENGTH]);
+        let [pdu_type, _, length @ ..] = header;
+        let length = u32::from_be_bytes(length);
+        self.check_length(pdu_type, length)?;
+        let whole = HEADER_LENGTH + length as usize;
+        self.fill(whole).await?;
+        let pdu = self.buffer.split_to(whole).freeze();
+        if pdu_type == PDATA {
+            return Ok(Received::Data(pdu.slice(HEADER_LENGTH..)));
+        }
+        match read_pdu(pdu, MAX_ASSOCIATE_LENGTH, true) {
+            Ok(Some(pdu)) => Ok(Received::Pdu(Box::new(pdu))),
+            Ok(None) => Err(Fault::protocol(Reason::InvalidPduParameter, "a PDU ends within an item")),
+            Err(error) => Err(Fault::protocol(Reason::InvalidPduParameter, error.to_string())),
+        }
+    }
+
+    fn check_length(&self, pdu_type: u8, length: u32) -> Result<(), Fault> {
+        let acceptable = match pdu_type {
+            ASSOCIATE_RQ | ASSOCIATE_AC => length <= MAX_ASSOCIATE_LENGTH,
+            PDATA => length <= self.max_pdu_length,
+            ASSOCIATE_RJ | RELEASE_RQ | RELEASE_RP | ABORT => length == SHORT_LENGTH,
+            _ => {
+                let detail = format!("there is no PDU of type {pdu_type:#04x}");
+                return Err(Fault::protocol(Reason::UnrecognizedPdu, detail));
+            }
+        };
+        if acceptable {
+            Ok(())
+        } else {
+            let detail = format!("a PDU of type {pdu_type:#04x} claims {length} bytes");
+            Err(Fault::protocol(Reason::InvalidPduParameter, detail))
+        }
+    }
+
+    /// Reads until the buffer holds at least `wanted` bytes.
+    async fn fill(&mut self, wanted: usize) -> Result<(), Fault> {
+        while self.buffer.len() < wanted {
+            self.buffer.reserve((wanted - self.buffer.len()).min(READ_CHUNK));
+            if self.stream.read_buf(&mut self.buffer).await? == 0 {
+                return Err(if self.buffer.is_empty() {
+                    Fault::Closed
+                } else {
+                    Fault::Lost(std::io::ErrorKind::UnexpectedEof.into())
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Sends one PDU.
+    pub(crate) async fn send(&mut self, pdu: &Pdu) -> Result<(), Fault> {
+        let mut bytes = Vec::new();
+        write_pdu(&mut bytes, pdu).map_err(|error| Fault::Lost(std::io::Error::other(error)))?;
+        self.send_bytes(&bytes).await
+    }
+
+    /// Sends one PDU that is encoded already.
+    pub(crate) async fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), Fault> {
+        match timeout(self.write_timeout, self.stream.write_all(bytes)).await {
+            Ok(written) => Ok(written?),
+            Err(_) => Err(Fault::Stalled(self.write_timeout)),
+        }
+    }
+
+    /// Sends the A-ABORT that the fault calls for, if any; the connection is at its end anyway.
+    pub(crate) async fn abort(&mut self, fault: &Fault) {
+        if let Some(source) = fault.abort() {
+            // The peer may be gone: nothing more to do for it.
+            let _ = self.send(&Pdu::AbortRQ { source }).await;
+        }
+    }
+
+    /// Lets the peer close first, for a moment; what it still sends is thrown away.
+    pub(crate) async fn close(mut self) {
+        let drained = async {
+            self.stream.shutdown().await?;
+            let mut sink = [0; 4_096];
+            while self.stream.read(&mut sink).await? > 0 {}
+            std::io::Result::Ok(())
+        };
+        // Either way the stream is dropped now.
+        let _ = timeout(LINGER, drained).await;
+    }
+}
+
+const ASSOCIATE_RQ: u8 = 0x01;
+const ASSOCIATE_AC: u8 = 0x02;
+const ASSOCIATE_RJ: u8 = 0x03;
+/// PDU type of P-DATA-TF.
+pub(crate) const PDATA: u8 = 0x04;
+const RELEASE_RQ: u8 = 0x05;
+const RELEASE_RP: u8 = 0x06;
+const ABORT: u8 = 0x07;

@@ -1,0 +1,67 @@
+//! What a refused request is told: a status and an Error Comment (0000,0902).
+
+use crate::error::Error;
+
+/// 0000: done.
+pub(crate) const SUCCESS: u16 = 0x0000;
+/// 0117: the SOP Instance UID is missing or is no UID (PS3.7 section C.5.7).
+pub(crate) const INVALID_SOP_INSTANCE: u16 = 0x0117;
+/// 0122: SOP class not supported (PS3.7 section C.5.6).
+pub(crate) const SOP_CLASS_NOT_SUPPORTED: u16 = 0x0122;
+/// 0211: no such operation on this presentation context (PS3.7 section C.5.10).
+pub(crate) const UNRECOGNIZED_OPERATION: u16 = 0x0211;
+/// 0212: the command's parts do not fit together (PS3.7 section C.5.8).
+pub(crate) const MISTYPED_ARGUMENT: u16 = 0x0212;
+/// A900: the data set does not match the SOP class (PS3.4 table B.2-1).
+pub(crate) const DATA_SET_MISMATCH: u16 = 0xA900;
+
+/// Longest LO (PS3.5 section 6.2).
+const MAX_COMMENT: usize = 64;
+
+/// A request that was not carried out.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Refusal {
+    /// Status (0000,0900).
+    pub(crate) status: u16,
+    /// Stable name of the cause, for the log and the metrics.
+    pub(crate) code: &'static str,
+    /// Error Comment (0000,0902): a valid LO, without any patient's identity.
+    pub(crate) comment: String,
+}
+
+impl Refusal {
+    /// Of the exchange itself, before any data set.
+    pub(crate) fn new(status: u16, code: &'static str, comment: &str) -> Self {
+        Self { status, code, comment: long_string(comment) }
+    }
+}
+
+impl From<&Error> for Refusal {
+    /// The stable code stands first, so that what is cut off at 64 characters is its explanation.
+    fn from(error: &Error) -> Self {
+        let mapping = error.mapping();
+        let comment = long_string(&format!("{}: {error}", mapping.code));
+        Self { status: mapping.dimse_status, code: mapping.code, comment }
+    }
+}
+
+/// As LO allows it: 64 characters, no backslash, no control characters, here ASCII alone.
+fn long_string(text: &str) -> String {
+    let allowed = |c: char| if (c.is_ascii_graphic() && c != '\\') || c == ' ' { c } else { '?' };
+    let cut: String = text.chars().map(allowed).take(MAX_COMMENT).collect();
+    cut.trim_end().to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_comment_begins_with_the_stable_code_and_is_a_valid_lo() {
+        let refusal = Refusal::from(&Error::OutOfStorage);
+        assert_eq!(refusal.status, 0xA700);
+        assert!(refusal.comment.starts_with("out-of-storage: "), "{}", refusal.comment);
+        assert!(refusal.comment.len() <= 64, "{}", refusal.comment);
+        assert_eq!(long_string("a\\b\nµ"), "a?b??");
+    }
+}
