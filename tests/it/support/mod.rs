@@ -1,3 +1,5 @@
 //! What the tests share.
 
 pub(crate) mod data;
+pub(crate) mod dimse;
+pub(crate) mod scu;
