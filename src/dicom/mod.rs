@@ -3,9 +3,11 @@
 //!
 //! Bytes from outside pass [`scan`] before anything parses them.
 
+mod dataset;
 mod digest;
 pub mod header;
 pub mod part10;
+pub mod pixels;
 pub mod scan;
 pub mod series;
 pub mod sop_class;
@@ -14,5 +16,5 @@ pub mod transfer_syntax;
 pub mod uid;
 mod volume;
 
-pub use digest::content_digest;
+pub use digest::{DigestError, content_digest};
 pub use volume::{SeriesIdentity, Volume};

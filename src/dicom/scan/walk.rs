@@ -17,7 +17,7 @@ const PIXEL_DATA: Tag = Tag(0x7FE0, 0x0010);
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Event {
     /// An element with a plain value, not read yet: [`Walker::value`] reads it.
-    Element { tag: Tag, value: Span, layout: Layout },
+    Element { tag: Tag, vr: Option<[u8; 2]>, value: Span, layout: Layout },
     /// A sequence begins.
     Sequence(Tag),
     /// An item of a sequence begins.
@@ -201,7 +201,7 @@ impl<'a, I: Input> Walker<'a, I> {
             return Ok(Event::Fragments(tag));
         };
         let value = self.span(length)?;
-        Ok(Event::Element { tag, value, layout })
+        Ok(Event::Element { tag, vr: head.vr, value, layout })
     }
 
     fn item(&mut self, layout: Layout, length_is_given: bool) -> Result<Event, ScanError> {

@@ -32,23 +32,29 @@ pub fn unfit(headers: &[InstanceHeader], min_slices: usize) -> Option<UnfitReaso
     (slices < min_slices as u64).then_some(UnfitReason::TooFewSlices)
 }
 
-/// Whether this instance can be a slice (or slices) of a volume.
-pub(super) fn is_slice(header: &InstanceHeader) -> bool {
-    is_ct(header) && header.has_pixel_data && !is_localizer(header) && !is_secondary_capture(header)
-}
-
 fn is_ct(header: &InstanceHeader) -> bool {
     header.modality.as_deref().is_none_or(|modality| modality == "CT")
         && sop_class::is_accepted(&header.sop_class_uid)
 }
 
 fn is_localizer(header: &InstanceHeader) -> bool {
-    header.image_type.iter().any(|value| value.eq_ignore_ascii_case("LOCALIZER"))
+    says(&header.image_type, &LOCALIZER)
 }
 
 fn is_secondary_capture(header: &InstanceHeader) -> bool {
-    let says = |words: &[&str]| {
-        header.image_type.iter().any(|value| words.iter().any(|word| value.eq_ignore_ascii_case(word)))
-    };
-    says(&["SECONDARY CAPTURE", "SCREEN SAVE", "SCREENSAVE", "SCREENSHOT", "DOSE_INFO"])
+    says(&header.image_type, &SECONDARY_CAPTURE)
+}
+
+/// Whether Image Type says that the image is no slice of a scan.
+pub(super) fn is_no_scan(image_type: &[String]) -> bool {
+    says(image_type, &LOCALIZER) || says(image_type, &SECONDARY_CAPTURE)
+}
+
+const LOCALIZER: [&str; 1] = ["LOCALIZER"];
+/// What scanners and workstations write on screen shots and on pictures of the dose.
+const SECONDARY_CAPTURE: [&str; 5] =
+    ["SECONDARY CAPTURE", "SCREEN SAVE", "SCREENSAVE", "SCREENSHOT", "DOSE_INFO"];
+
+fn says(image_type: &[String], words: &[&str]) -> bool {
+    image_type.iter().any(|value| words.iter().any(|word| value.eq_ignore_ascii_case(word)))
 }

@@ -1,0 +1,160 @@
+//! One frame of one instance: its place, its rescale, where its pixels are.
+
+use dicom_core::Tag;
+use dicom_dictionary_std::tags;
+
+use crate::dicom::dataset::{DataSet, View};
+use crate::dicom::uid::{
+    FrameOfReferenceUid, SeriesInstanceUid, SopClassUid, SopInstanceUid, StudyInstanceUid,
+};
+use crate::geometry::{Vec3, cross};
+
+/// What an instance says, as far as the volume needs it.
+#[derive(Debug, Clone)]
+pub(super) struct Instance {
+    pub(super) sop_class_uid: Option<SopClassUid>,
+    pub(super) sop_instance_uid: SopInstanceUid,
+    pub(super) study_instance_uid: Option<StudyInstanceUid>,
+    pub(super) series_instance_uid: Option<SeriesInstanceUid>,
+    pub(super) frame_of_reference_uid: Option<FrameOfReferenceUid>,
+    pub(super) modality: Option<String>,
+    pub(super) image_type: Vec<String>,
+    pub(super) has_pixel_data: bool,
+    pub(super) is_lossy: bool,
+    pub(super) photometric: Option<String>,
+    pub(super) matrix: Option<(u16, u16)>,
+    pub(super) frames: Vec<Frame>,
+}
+
+/// One frame. `None` marks what is missing or unusable.
+#[derive(Debug, Clone)]
+pub(super) struct Frame {
+    pub(super) geometry: Option<Geometry>,
+    pub(super) rescale: Option<Rescale>,
+    pub(super) stack_id: Option<String>,
+    pub(super) is_localizer: bool,
+}
+
+/// Place of a frame (PS3.3 sections C.7.6.2 and C.7.6.16.2), LPS mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Geometry {
+    /// Centre of the first pixel.
+    pub(super) position: Vec3,
+    /// Unit vector along a row: the way of increasing columns.
+    pub(super) along_row: Vec3,
+    /// Unit vector down a column: the way of increasing rows.
+    pub(super) down_column: Vec3,
+    /// mm between rows.
+    pub(super) row_spacing: f64,
+    /// mm between columns.
+    pub(super) column_spacing: f64,
+}
+
+impl Geometry {
+    /// Unit normal of the frame: along the row × down the column.
+    pub(super) fn normal(&self) -> Vec3 {
+        cross(self.along_row, self.down_column)
+    }
+}
+
+/// HU = slope · stored + intercept, and the stored values that are padding.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Rescale {
+    pub(super) slope: f64,
+    pub(super) intercept: f64,
+}
+
+/// Most that a unit vector may be off its length, and two of them off their right angle.
+const UNIT_TOLERANCE: f64 = 1e-2;
+
+impl Instance {
+    /// Reads the attributes; `None` if there is no SOP Instance UID to call it by.
+    pub(super) fn of(data_set: &DataSet<'_>) -> Option<Self> {
+        let top = data_set.top();
+        let count = top.integer(tags::NUMBER_OF_FRAMES).unwrap_or(1);
+        let shared = top.items(tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE).next();
+        let per_frame: Vec<_> = top.items(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE).collect();
+        // A count that no functional groups back has no geometry either: one frame stands for all.
+        let described = usize::try_from(count).unwrap_or(0).min(per_frame.len()).max(1);
+        let frames = (0..described)
+            .map(|index| Groups { top, shared, own: per_frame.get(index).copied() }.frame())
+            .collect();
+        let lossy_flag = top.text(tags::LOSSY_IMAGE_COMPRESSION).is_some_and(|text| text == "01");
+        Some(Self {
+            sop_class_uid: top.uid(tags::SOP_CLASS_UID),
+            sop_instance_uid: top.uid(tags::SOP_INSTANCE_UID)?,
+            study_instance_uid: top.uid(tags::STUDY_INSTANCE_UID),
+            series_instance_uid: top.uid(tags::SERIES_INSTANCE_UID),
+            frame_of_reference_uid: top.uid(tags::FRAME_OF_REFERENCE_UID),
+            modality: top.text(tags::MODALITY),
+            image_type: top.texts(tags::IMAGE_TYPE),
+            has_pixel_data: data_set.pixels().is_some(),
+            is_lossy: data_set.syntax.lossy || lossy_flag,
+            photometric: top.text(tags::PHOTOMETRIC_INTERPRETATION),
+            matrix: top.u16(tags::ROWS).zip(top.u16(tags::COLUMNS)),
+            frames,
+        })
+    }
+}
+
+/// Where an attribute of a frame can stand: in the frame's own functional group, in the shared
+/// one, or (not multi-frame) in the data set itself.
+#[derive(Clone, Copy)]
+struct Groups<'a> {
+    top: View<'a>,
+    shared: Option<View<'a>>,
+    own: Option<View<'a>>,
+}
+
+impl<'a> Groups<'a> {
+    /// The item of the functional group `sequence`, or the data set if there are no groups.
+    fn group(self, sequence: Tag) -> Option<View<'a>> {
+        if self.shared.is_none() && self.own.is_none() {
+            return Some(self.top);
+        }
+        let of = |groups: Option<View<'a>>| groups.and_then(|groups| groups.items(sequence).next());
+        of(self.own).or_else(|| of(self.shared))
+    }
+
+    fn frame(self) -> Frame {
+        let frame_type = self.group(tags::CT_IMAGE_FRAME_TYPE_SEQUENCE).map(|g| g.texts(tags::FRAME_TYPE));
+        Frame {
+            geometry: self.geometry(),
+            rescale: self.rescale(),
+            stack_id: self.group(tags::FRAME_CONTENT_SEQUENCE).and_then(|group| group.text(tags::STACK_ID)),
+            is_localizer: frame_type.unwrap_or_default().iter().any(|value| value == "LOCALIZER"),
+        }
+    }
+
+    fn geometry(self) -> Option<Geometry> {
+        let position = self.group(tags::PLANE_POSITION_SEQUENCE)?.decimals(tags::IMAGE_POSITION_PATIENT)?;
+        let [rx, ry, rz, cx, cy, cz] =
+            self.group(tags::PLANE_ORIENTATION_SEQUENCE)?.decimals(tags::IMAGE_ORIENTATION_PATIENT)?;
+        let [row_spacing, column_spacing] =
+            self.group(tags::PIXEL_MEASURES_SEQUENCE)?.decimals(tags::PIXEL_SPACING)?;
+        let (row, column) = ([rx, ry, rz], [cx, cy, cz]);
+        let is_unit = |v: Vec3| (crate::geometry::norm(v) - 1.0).abs() < UNIT_TOLERANCE;
+        let is_sound = is_unit(row)
+            && is_unit(column)
+            && crate::geometry::dot(row, column).abs() < UNIT_TOLERANCE
+            && row_spacing > 0.0
+            && column_spacing > 0.0;
+        is_sound.then_some(Geometry {
+            position,
+            along_row: row,
+            down_column: column,
+            row_spacing,
+            column_spacing,
+        })
+    }
+
+    fn rescale(self) -> Option<Rescale> {
+        let group = self.group(tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE)?;
+        let [slope] = group.decimals(tags::RESCALE_SLOPE)?;
+        let [intercept] = group.decimals(tags::RESCALE_INTERCEPT)?;
+        // "US" is what some scanners write for Hounsfield units; other types are not (PS3.3
+        // section C.11.1.1.2).
+        let in_hu = group.text(tags::RESCALE_TYPE).is_none_or(|unit| unit == "HU" || unit == "US");
+        (in_hu && slope != 0.0).then_some(Rescale { slope, intercept })
+    }
+}

@@ -1,0 +1,144 @@
+//! Slices in order along their normal, and whether all are there.
+
+use super::slice::Slice;
+use super::{SeriesError, Warning, WarningCode};
+use crate::geometry::{Vec3, cross, dot, norm, sub};
+
+/// Slices nearer than this along the normal are at one position, mm.
+const SAME_POSITION: f64 = 0.01;
+/// Steps that differ less than this part of the smaller one, or than [`SAME_STEP_MM`], are equal.
+const SAME_STEP: f64 = 0.05;
+const SAME_STEP_MM: f64 = 0.02;
+/// A step counts as that of a missing slice from this multiple of its neighbours on.
+const GAP: f64 = 1.5;
+/// How near a multiple of a step must be to a whole number.
+const WHOLE: f64 = 0.1;
+/// Longest run of wide steps that is taken for missing slices at an end of the stack, or that
+/// need not be a whole multiple: longer ones are a protocol with two spacings.
+const FEW: usize = 2;
+/// Steps wider than this give a coarse surface, mm.
+const THICK: f64 = 3.0;
+/// Tilt below this is rounding, degrees.
+const NO_TILT: f64 = 0.05;
+
+/// Groups of slices at one position, in a stack sorted along `normal`.
+pub(super) fn at_one_position(slices: &[Slice], normal: Vec3) -> Vec<std::ops::Range<usize>> {
+    let mut groups: Vec<std::ops::Range<usize>> = Vec::new();
+    for index in 0..slices.len() {
+        match groups.last_mut() {
+            Some(group)
+                if slices[index].along(normal) - slices[group.start].along(normal) < SAME_POSITION =>
+            {
+                group.end = index + 1;
+            }
+            _ => groups.push(index..index + 1),
+        }
+    }
+    groups
+}
+
+/// Sorts along `normal`; of the same instance given twice, the first stays in front.
+pub(super) fn sort(slices: &mut [Slice], normal: Vec3) {
+    slices.sort_by(|a, b| {
+        a.along(normal)
+            .total_cmp(&b.along(normal))
+            .then_with(|| a.sop_instance_uid.cmp(&b.sop_instance_uid))
+            .then_with(|| a.frame_index.cmp(&b.frame_index))
+            .then_with(|| a.source.cmp(&b.source))
+    });
+}
+
+/// Equal steps that follow one another.
+struct Run {
+    step: f64,
+    first: usize,
+    count: usize,
+}
+
+fn runs(steps: &[f64]) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    for (index, &step) in steps.iter().enumerate() {
+        match runs.last_mut() {
+            Some(run) if (run.step - step).abs() <= SAME_STEP_MM.max(SAME_STEP * run.step.min(step)) => {
+                run.count += 1
+            }
+            _ => runs.push(Run { step, first: index, count: 1 }),
+        }
+    }
+    runs
+}
+
+/// Refuses a sorted stack from which slices are missing.
+///
+/// Spacing may vary: each slice is used at its own position. But steps that stand out from the
+/// steps on both sides of them are a hole: one or two steps of 1.5 times both neighbours or more,
+/// or any number of steps that are a whole multiple of both. At the end of the stack, where there
+/// is one neighbour only, one or two steps that are a whole multiple of it.
+pub(super) fn missing(slices: &[Slice], normal: Vec3) -> Result<(), SeriesError> {
+    let steps: Vec<f64> =
+        slices.windows(2).map(|pair| pair[1].along(normal) - pair[0].along(normal)).collect();
+    let runs = runs(&steps);
+    for (index, run) in runs.iter().enumerate() {
+        let neighbours: Vec<f64> = [index.checked_sub(1), Some(index + 1)]
+            .into_iter()
+            .flatten()
+            .filter_map(|neighbour| runs.get(neighbour).map(|run| run.step))
+            .collect();
+        let wide = neighbours.iter().all(|step| run.step >= GAP * step);
+        let whole = neighbours.iter().all(|step| is_whole_multiple(run.step / step));
+        let is_gap = match neighbours.len() {
+            0 => false,
+            1 => wide && whole && run.count <= FEW,
+            _ => wide && (whole || run.count <= FEW),
+        };
+        if is_gap {
+            let around = &slices[run.first..=run.first + run.count];
+            return Err(SeriesError::new(
+                "missing_slice",
+                format!(
+                    "slices are missing: a step of {:.3} mm stands among steps of {:.3} mm; send the whole series \
+                     (the instances named are those around the gap)",
+                    run.step, neighbours[0]
+                ),
+                super::check::named(around, |_| true),
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn is_whole_multiple(ratio: f64) -> bool {
+    let whole = ratio.round();
+    whole >= 2.0 && (ratio - whole).abs() <= WHOLE * whole.min(3.0)
+}
+
+/// Warns of tilt, of variable and of thick spacing. The stack is sorted along `normal`.
+pub(super) fn warn(slices: &[Slice], normal: Vec3, warnings: &mut Vec<Warning>) {
+    let (Some(first), Some(last)) = (slices.first(), slices.last()) else { return };
+    let whole = sub(last.geometry().position, first.geometry().position);
+    let tilt = norm(cross(whole, normal)).atan2(dot(whole, normal)).to_degrees();
+    if tilt > NO_TILT {
+        warnings.push(Warning {
+            code: WarningCode::GantryTilt,
+            detail: format!(
+                "the slices are sheared by {tilt:.2} degrees against their normal (by their positions)"
+            ),
+        });
+    }
+    let steps: Vec<f64> =
+        slices.windows(2).map(|pair| pair[1].along(normal) - pair[0].along(normal)).collect();
+    let least = steps.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = steps.iter().copied().fold(0.0, f64::max);
+    if runs(&steps).len() > 1 {
+        warnings.push(Warning {
+            code: WarningCode::VariableSpacing,
+            detail: format!("the steps between slices vary from {least:.3} to {most:.3} mm"),
+        });
+    }
+    if most > THICK {
+        warnings.push(Warning {
+            code: WarningCode::ThickSlices,
+            detail: format!("slices lie up to {most:.3} mm apart: the surface between them is coarse"),
+        });
+    }
+}

@@ -1,0 +1,205 @@
+//! Decodes the slices into Hounsfield units, in parallel, each to its place in the array.
+
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+
+use dicom_dictionary_std::tags;
+use ndarray::Array3;
+use rayon::prelude::*;
+
+use super::check::rescale_of;
+use super::frame::Rescale;
+use super::orient::Orientation;
+use super::slice::Slice;
+use super::{ReadLimits, SeriesError, Warning, WarningCode};
+use crate::dicom::dataset::DataSet;
+use crate::dicom::pixels::{Frames, PixelError};
+use crate::dicom::source::InstanceSource;
+use crate::geometry::Axis;
+use crate::pipeline::{Observer, Stage};
+
+/// Hounsfield units that pixels marked as padding (PS3.3 section C.7.5.1.1.2) get: air.
+const PADDING_HU: i16 = -1024;
+
+/// What is counted on the way.
+#[derive(Default)]
+struct Counts {
+    clipped: AtomicU64,
+    padding: AtomicU64,
+    done: AtomicUsize,
+}
+
+/// The voxels `[[z, y, x]]` of slices that are sorted along the volume's axis.
+pub(super) fn read(
+    source: &dyn InstanceSource,
+    slices: &[Slice],
+    orientation: Orientation,
+    limits: &ReadLimits,
+    observer: &dyn Observer,
+    warnings: &mut Vec<Warning>,
+) -> Result<Array3<i16>, SeriesError> {
+    let (rows, columns) = slices.first().and_then(|slice| slice.matrix).unwrap_or((0, 0));
+    let (rows, columns) = (usize::from(rows), usize::from(columns));
+    let layout = Layout::new(orientation, rows, columns);
+    let mut voxels = vec![0_i16; slices.len() * rows * columns];
+    let counts = Counts::default();
+
+    // The frames of one instance share one reading of its bytes.
+    let mut places: Vec<(&Slice, &mut [i16])> =
+        slices.iter().zip(voxels.chunks_exact_mut((rows * columns).max(1))).collect();
+    places.sort_by_key(|(slice, _)| slice.source);
+    let by_instance: Vec<_> = places.chunk_by_mut(|a, b| a.0.source == b.0.source).collect();
+    let results: Vec<Result<(), SeriesError>> = by_instance
+        .into_par_iter()
+        .map(|places| instance(source, places, &layout, limits, &counts, slices.len(), observer))
+        .collect();
+    // The first in the order of the source, not in the order in which threads came to it.
+    results.into_iter().collect::<Result<(), _>>()?;
+
+    for (count, code, what) in [
+        (counts.padding, WarningCode::Padding, "pixels are marked as padding and were set to air"),
+        (counts.clipped, WarningCode::ClippedHu, "values are beyond -32768 to 32767 HU and were clipped"),
+    ] {
+        let count = count.into_inner();
+        if count > 0 {
+            warnings.push(Warning { code, detail: format!("{count} {what}") });
+        }
+    }
+    Ok(layout.volume(voxels, slices.len()))
+}
+
+/// Decodes the frames of one instance.
+fn instance(
+    source: &dyn InstanceSource,
+    places: &mut [(&Slice, &mut [i16])],
+    layout: &Layout,
+    limits: &ReadLimits,
+    counts: &Counts,
+    total: usize,
+    observer: &dyn Observer,
+) -> Result<(), SeriesError> {
+    let Some((first, _)) = places.first() else { return Ok(()) };
+    let name = || vec![first.sop_instance_uid.clone()];
+    let source_index = first.source;
+    let bytes = source.read(source_index).map_err(|error| super::unreadable(&error, name()))?;
+    let data_set = DataSet::open(&bytes, &limits.scan).map_err(|error| super::unscannable(error, name()))?;
+    let frames = Frames::of(&data_set).map_err(|error| undecodable(&error, name()))?;
+    let padding = Padding::of(&data_set, frames.format.signed);
+    let results: Vec<Result<(), SeriesError>> = places
+        .par_iter_mut()
+        .map(|(slice, place)| {
+            if observer.cancelled() {
+                return Err(super::cancelled());
+            }
+            let stored = frames.stored(slice.frame_index).map_err(|error| undecodable(&error, name()))?;
+            if stored.len() != place.len() {
+                let error = PixelError::Decode("the instance changed while it was read".into());
+                return Err(undecodable(&error, name()));
+            }
+            layout.fill(place, &stored, &ToHu { rescale: rescale_of(slice), padding }, counts);
+            let done = counts.done.fetch_add(1, Ordering::Relaxed) + 1;
+            #[expect(clippy::cast_precision_loss)]
+            observer.progress(Stage::Reading, done as f64 / total as f64);
+            Ok(())
+        })
+        .collect();
+    results.into_iter().collect()
+}
+
+pub(super) fn undecodable(
+    error: &PixelError,
+    instances: Vec<crate::dicom::uid::SopInstanceUid>,
+) -> SeriesError {
+    let code = match error {
+        PixelError::NoPixelData => "no_pixel_data",
+        PixelError::Photometric(_) => "unknown_photometric",
+        PixelError::Description(_) => "malformed",
+        PixelError::Decode(_) => "decode_failed",
+    };
+    SeriesError::new(code, format!("{error}; send the original image again"), instances)
+}
+
+/// The stored values that are padding, from first to last.
+#[derive(Clone, Copy)]
+struct Padding(Option<(i32, i32)>);
+
+impl Padding {
+    fn of(data_set: &DataSet<'_>, signed: bool) -> Self {
+        let value = |tag| {
+            data_set
+                .top()
+                .u16(tag)
+                .map(|raw| if signed { i32::from(raw.cast_signed()) } else { i32::from(raw) })
+        };
+        Self(value(tags::PIXEL_PADDING_VALUE).map(|value_of| {
+            let limit = value(tags::PIXEL_PADDING_RANGE_LIMIT).unwrap_or(value_of);
+            (value_of.min(limit), value_of.max(limit))
+        }))
+    }
+
+    fn contains(self, stored: i32) -> bool {
+        self.0.is_some_and(|(first, last)| (first..=last).contains(&stored))
+    }
+}
+
+/// From a stored value to Hounsfield units.
+struct ToHu {
+    rescale: Rescale,
+    padding: Padding,
+}
+
+/// Where the pixels of a slice go within its part of the array: always the slower of the two
+/// remaining volume axes first.
+struct Layout {
+    orientation: Orientation,
+    rows: usize,
+    columns: usize,
+    /// Columns of the scan run along the faster axis.
+    rows_are_slower: bool,
+}
+
+impl Layout {
+    fn new(orientation: Orientation, rows: usize, columns: usize) -> Self {
+        let rows_are_slower = (orientation.rows.axis as usize) < orientation.columns.axis as usize;
+        Self { orientation, rows, columns, rows_are_slower }
+    }
+
+    fn fill(&self, place: &mut [i16], stored: &[i32], to_hu: &ToHu, counts: &Counts) {
+        let (mut clipped, mut padding) = (0_u64, 0_u64);
+        for (r, row) in stored.chunks_exact(self.columns.max(1)).enumerate() {
+            let r = if self.orientation.rows.flipped { self.rows - 1 - r } else { r };
+            for (c, &value) in row.iter().enumerate() {
+                let c = if self.orientation.columns.flipped { self.columns - 1 - c } else { c };
+                let hu = if to_hu.padding.contains(value) {
+                    padding += 1;
+                    PADDING_HU
+                } else {
+                    // Truncated toward zero and clipped by the conversion.
+                    let hu = (to_hu.rescale.slope * f64::from(value) + to_hu.rescale.intercept).trunc();
+                    clipped += u64::from(hu < f64::from(i16::MIN) || hu > f64::from(i16::MAX));
+                    #[expect(clippy::cast_possible_truncation)]
+                    {
+                        hu as i16
+                    }
+                };
+                let at = if self.rows_are_slower { r * self.columns + c } else { c * self.rows + r };
+                place[at] = hu;
+            }
+        }
+        counts.clipped.fetch_add(clipped, Ordering::Relaxed);
+        counts.padding.fetch_add(padding, Ordering::Relaxed);
+    }
+
+    /// The whole array in the order of the volume, `count` slices one after another in `voxels`.
+    fn volume(&self, voxels: Vec<i16>, count: usize) -> Array3<i16> {
+        let (slower, faster) =
+            if self.rows_are_slower { (self.rows, self.columns) } else { (self.columns, self.rows) };
+        let by_slice =
+            Array3::from_shape_vec((count, slower, faster), voxels).expect("as many voxels as slices have");
+        match self.orientation.slices.axis {
+            Axis::Z => by_slice,
+            // [y][z][x] and [x][z][y].
+            Axis::Y => by_slice.permuted_axes([1, 0, 2]).as_standard_layout().into_owned(),
+            Axis::X => by_slice.permuted_axes([1, 2, 0]).as_standard_layout().into_owned(),
+        }
+    }
+}
