@@ -31,6 +31,17 @@ pub enum Error {
     /// The instance is stored already in another series or study. C004, 409.
     #[error("SOP instance {0} is already stored as part of another series or study; the stored one was kept")]
     ConflictingSeries(SopInstanceUid),
+    /// The series is stored already as part of another study. C006, 409.
+    #[error("series {0} is already stored as part of another study; the stored one was kept")]
+    ConflictingStudy(SeriesInstanceUid),
+    /// The series holds as many instances as it may. A700, 413.
+    #[error("the series holds as many instances as it may: {limit} ({setting})")]
+    SeriesFull {
+        /// The limit.
+        limit: u64,
+        /// The setting to raise.
+        setting: &'static str,
+    },
     /// The transfer syntax of the data set can't be decoded here. C005, 415.
     #[error("transfer syntax {0} can't be decoded here; send one that the conformance statement lists")]
     UnsupportedTransferSyntax(TransferSyntaxUid),
@@ -174,6 +185,8 @@ impl Error {
             Self::MissingAttribute { .. } => ("missing-attribute", "Missing attribute", 0xC002, 422),
             Self::ConflictingInstance(_) => ("conflicting-instance", "Conflicting instance", 0xC003, 409),
             Self::ConflictingSeries(_) => ("conflicting-series", "Conflicting series", 0xC004, 409),
+            Self::ConflictingStudy(_) => ("conflicting-study", "Conflicting study", 0xC006, 409),
+            Self::SeriesFull { .. } => ("series-full", "Series full", 0xA700, 413),
             Self::UnsupportedTransferSyntax(_) => {
                 ("unsupported-transfer-syntax", "Unsupported transfer syntax", 0xC005, 415)
             }

@@ -1,0 +1,152 @@
+//! Blobs as files under one folder: `instances/<two hex digits>/…`, `results/<id>/<fence>/…`, and
+//! `incoming/` for what is not whole yet.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+
+use super::Blobs;
+
+/// Files are collected here before they are renamed to their key, on the same file system.
+const INCOMING: &str = "incoming";
+/// The folders that hold blobs.
+const FOLDERS: [&str; 2] = ["instances", "results"];
+
+/// Blobs as files.
+#[derive(Debug)]
+pub(crate) struct Files {
+    root: PathBuf,
+}
+
+impl Files {
+    /// Makes the folders that are missing and removes what was being written when a former
+    /// process died.
+    pub(crate) fn open(root: &Path) -> io::Result<Self> {
+        let files = Self { root: root.to_owned() };
+        for folder in FOLDERS {
+            files.make_folder(&root.join(folder))?;
+        }
+        let incoming = files.incoming();
+        if incoming.exists() {
+            fs::remove_dir_all(&incoming)?;
+        }
+        files.make_folder(&incoming)?;
+        Ok(files)
+    }
+
+    /// The folder of unfinished files.
+    pub(crate) fn incoming(&self) -> PathBuf {
+        self.root.join(INCOMING)
+    }
+
+    /// Makes a folder durably, and those above it up to the root.
+    fn make_folder(&self, folder: &Path) -> io::Result<()> {
+        if folder.is_dir() {
+            return Ok(());
+        }
+        if let Some(parent) = folder.parent().filter(|parent| parent.starts_with(&self.root)) {
+            self.make_folder(parent)?;
+        }
+        match fs::create_dir(folder) {
+            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => return Err(error),
+            _ => {}
+        }
+        folder.parent().map_or(Ok(()), sync_folder)
+    }
+}
+
+impl Blobs for Files {
+    fn temporary(&self) -> io::Result<NamedTempFile> {
+        NamedTempFile::new_in(self.incoming())
+    }
+
+    fn adopt(&self, file: NamedTempFile, key: &str) -> io::Result<()> {
+        let path = self.root.join(key);
+        let folder = path.parent().unwrap_or(&self.root);
+        self.make_folder(folder)?;
+        file.as_file().sync_all()?;
+        file.persist(&path).map_err(|error| error.error)?;
+        sync_folder(folder)
+    }
+
+    fn read(&self, key: &str) -> io::Result<Vec<u8>> {
+        fs::read(self.root.join(key))
+    }
+
+    fn remove(&self, key: &str) -> io::Result<()> {
+        let path = self.root.join(key);
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+        // Folders of a result go with their last file; `remove_dir` leaves one that is in use.
+        let results = self.root.join("results");
+        for folder in path.ancestors().skip(1).take_while(|f| f.starts_with(&results) && **f != results) {
+            if fs::remove_dir(folder).is_err() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn keys(&self) -> io::Result<Vec<String>> {
+        let mut keys = Vec::new();
+        let mut folders: Vec<PathBuf> = FOLDERS.iter().map(|folder| self.root.join(folder)).collect();
+        while let Some(folder) = folders.pop() {
+            for entry in fs::read_dir(folder)? {
+                let entry = entry?;
+                if entry.file_type()?.is_dir() {
+                    folders.push(entry.path());
+                } else if let Some(key) = entry.path().strip_prefix(&self.root).ok().and_then(Path::to_str) {
+                    keys.push(key.to_owned());
+                }
+            }
+        }
+        keys.sort_unstable();
+        Ok(keys)
+    }
+}
+
+/// Makes the names in `folder` durable.
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    File::open(folder)?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::put;
+    use super::*;
+
+    #[test]
+    fn a_blob_is_there_whole_or_not_at_all() {
+        let dir = tempfile::tempdir().unwrap();
+        let files = Files::open(dir.path()).unwrap();
+        put(&files, "results/a/1/report.json", b"{}").unwrap();
+        drop(files.temporary().unwrap());
+        assert_eq!(files.read("results/a/1/report.json").unwrap(), b"{}");
+        assert_eq!(files.keys().unwrap(), ["results/a/1/report.json"]);
+        assert_eq!(fs::read_dir(files.incoming()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn removing_the_last_file_of_a_result_removes_its_folders() {
+        let dir = tempfile::tempdir().unwrap();
+        let files = Files::open(dir.path()).unwrap();
+        put(&files, "results/a/1/report.json", b"{}").unwrap();
+        files.remove("results/a/1/report.json").unwrap();
+        files.remove("results/a/1/report.json").unwrap();
+        assert!(!dir.path().join("results/a").exists());
+        assert!(dir.path().join("results").exists());
+    }
+
+    #[test]
+    fn what_was_being_written_when_the_process_died_is_removed_at_start() {
+        let dir = tempfile::tempdir().unwrap();
+        let files = Files::open(dir.path()).unwrap();
+        fs::write(files.incoming().join("left"), b"x").unwrap();
+        drop(Files::open(dir.path()).unwrap());
+        assert_eq!(fs::read_dir(files.incoming()).unwrap().count(), 0);
+    }
+}

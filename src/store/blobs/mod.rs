@@ -1,0 +1,36 @@
+//! Everything large: instances, clouds, reports. A blob is written once, whole, under a key of
+//! its own, and never changed. The catalog alone knows which keys count; a blob that no row names
+//! is rubbish that a crash left behind.
+
+mod files;
+
+use std::fmt::Debug;
+use std::io;
+
+use tempfile::NamedTempFile;
+
+pub(crate) use files::Files;
+
+/// Where blobs are kept. Synchronous: called from blocking threads. Keys are relative paths with
+/// `/`, made by us, never by a sender.
+pub(crate) trait Blobs: Debug + Send + Sync {
+    /// A new file on the disk that [`Blobs::adopt`] takes from, removed when it is dropped.
+    fn temporary(&self) -> io::Result<NamedTempFile>;
+    /// Makes a finished temporary file durable under `key`: when this returns, bytes and name
+    /// survive a power cut.
+    fn adopt(&self, file: NamedTempFile, key: &str) -> io::Result<()>;
+    /// The whole blob.
+    fn read(&self, key: &str) -> io::Result<Vec<u8>>;
+    /// Removes a blob; one that isn't there is no error.
+    fn remove(&self, key: &str) -> io::Result<()>;
+    /// Every key.
+    fn keys(&self) -> io::Result<Vec<String>>;
+}
+
+/// Stores `bytes` durably under `key`.
+pub(crate) fn put(blobs: &dyn Blobs, key: &str, bytes: &[u8]) -> io::Result<()> {
+    use std::io::Write as _;
+    let mut file = blobs.temporary()?;
+    file.write_all(bytes)?;
+    blobs.adopt(file, key)
+}

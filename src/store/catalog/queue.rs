@@ -1,0 +1,370 @@
+//! The queue: which reconstructions wait, who works on which, and how each ends.
+//!
+//! A worker holds a reconstruction by a lease with a fencing token. Every statement that a worker
+//! causes names both, so one that lost its lease (too slow, or thought dead) changes nothing.
+
+use std::time::Duration;
+
+use sha2::{Digest as _, Sha256};
+use sqlx::Row as _;
+
+use super::dialect::Connection;
+use super::{Catalog, now_ms, reconstructions, rows, series};
+use crate::dicom::uid::SeriesInstanceUid;
+use crate::error::{Error, Result};
+use crate::pipeline::{Parameters, Stage};
+use crate::store::queue::{Claim, Fault, Heartbeat, Lease, Reclaim};
+use crate::store::records::{ReconstructionId, ReconstructionRecord, ReconstructionState, SeriesState};
+
+/// A reconstruction that is asked for.
+pub(super) struct Wanted<'a> {
+    pub(super) series: &'a SeriesInstanceUid,
+    pub(super) revision: u32,
+    pub(super) set: &'a [u8; 32],
+    pub(super) instances: i64,
+    pub(super) parameters: &'a Parameters,
+}
+
+/// What became of the wish.
+pub(super) enum Enqueued {
+    /// It waits for a worker now: new, or again after it had failed or been cancelled.
+    Queued(ReconstructionId),
+    /// It was there: queued, running or done.
+    Existing(ReconstructionId),
+    /// The queue is full.
+    Full,
+}
+
+impl Catalog {
+    /// See `Store::enqueue`; the prefix is that of a former result, whose blobs have no row now.
+    pub(crate) async fn enqueue(
+        &self,
+        uid: &SeriesInstanceUid,
+        parameters: &Parameters,
+        max_queued: u64,
+    ) -> Result<(ReconstructionRecord, bool)> {
+        let mut tx = self.begin().await?;
+        let Some(record) = series::one(&mut tx, uid).await? else {
+            return Err(Error::NotFound { what: "series", id: uid.to_string() });
+        };
+        let set = match (record.state, record.unfit_reason, series::complete_set(&mut tx, uid).await?) {
+            (SeriesState::NotReconstructable, Some(reason), _) => {
+                return Err(Error::NotReconstructable { uid: uid.clone(), reason: reason.name().to_owned() });
+            }
+            (SeriesState::Complete, _, Some(set)) => set,
+            _ => return Err(Error::SeriesIncomplete(uid.clone())),
+        };
+        let wanted = Wanted {
+            series: uid,
+            revision: record.revision,
+            set: &set,
+            instances: super::instances::signed(record.instances),
+            parameters,
+        };
+        let (id, queued) = match enqueue(&mut tx, &wanted, max_queued, now_ms()).await? {
+            Enqueued::Queued(_) if record.instances == 0 => return Err(Error::SourceRemoved),
+            Enqueued::Queued(id) => (id, true),
+            Enqueued::Existing(id) => (id, false),
+            Enqueued::Full => {
+                return Err(Error::Busy("the queue of reconstructions is full (jobs.max_queued)"));
+            }
+        };
+        let record = reconstructions::one(&mut tx, id).await?.ok_or(sqlx::Error::RowNotFound)?;
+        tx.commit().await?;
+        Ok((record, queued))
+    }
+
+    /// See `Store::claim`.
+    pub(crate) async fn claim(&self, worker: &str, lease: Duration) -> Result<Option<Claim>> {
+        let now = now_ms();
+        let mut tx = self.begin().await?;
+        let row = sqlx::query(
+            "UPDATE reconstructions SET state = 'running', attempts = attempts + 1, fence = fence + 1, worker = $1, \
+             lease_until_ms = $2, started_ms = $3, stage = NULL, fraction = 0.0, cancel_requested = FALSE \
+             WHERE id = (SELECT id FROM reconstructions WHERE state = 'queued' AND not_before_ms <= $3 \
+                         ORDER BY not_before_ms, id LIMIT 1) \
+             RETURNING *",
+        )
+        .bind(worker)
+        .bind(now + milliseconds(lease))
+        .bind(now)
+        .fetch_optional(&mut *tx)
+        .await?;
+        tx.commit().await?;
+        let Some(row) = row else { return Ok(None) };
+        let reconstruction = rows::reconstruction(&row)?;
+        let lease = Lease { id: reconstruction.id, fence: row.try_get("fence")? };
+        Ok(Some(Claim { lease, reconstruction }))
+    }
+
+    /// See `Store::heartbeat`.
+    pub(crate) async fn heartbeat(
+        &self,
+        lease: &Lease,
+        stage: Stage,
+        fraction: f64,
+        renew_for: Duration,
+    ) -> Result<Heartbeat> {
+        let mut tx = self.begin().await?;
+        let row = sqlx::query(
+            "UPDATE reconstructions SET stage = $3, fraction = $4, lease_until_ms = $5 \
+             WHERE id = $1 AND fence = $2 AND state = 'running' RETURNING cancel_requested",
+        )
+        .bind(lease.id.to_string())
+        .bind(lease.fence)
+        .bind(stage.name())
+        .bind(fraction.clamp(0.0, 1.0))
+        .bind(now_ms() + milliseconds(renew_for))
+        .fetch_optional(&mut *tx)
+        .await?;
+        tx.commit().await?;
+        Ok(match row.map(|row| row.try_get("cancel_requested")).transpose()? {
+            None => Heartbeat::Lost,
+            Some(true) => Heartbeat::CancelRequested,
+            Some(false) => Heartbeat::Ours,
+        })
+    }
+
+    /// Marks success; `prefix` is that of the durable result. False: the lease was lost.
+    pub(crate) async fn succeed(&self, lease: &Lease, prefix: &str, figures: &str) -> Result<bool> {
+        let mut tx = self.begin().await?;
+        let row = sqlx::query(
+            "UPDATE reconstructions SET state = 'succeeded', stage = $3, fraction = 1.0, figures = $4, result = $5, \
+             has_report = TRUE, error_code = NULL, error_detail = NULL, error_instances = '[]', finished_ms = $6, \
+             worker = NULL, lease_until_ms = NULL \
+             WHERE id = $1 AND fence = $2 AND state = 'running' RETURNING *",
+        )
+        .bind(lease.id.to_string())
+        .bind(lease.fence)
+        .bind(Stage::Writing.name())
+        .bind(figures)
+        .bind(prefix)
+        .bind(now_ms())
+        .fetch_optional(&mut *tx)
+        .await?;
+        let Some(row) = row else { return Ok(false) };
+        reconstructions::supersede(&mut tx, &row).await?;
+        tx.commit().await?;
+        Ok(true)
+    }
+
+    /// Marks failure; `prefix` is that of the durable report, if there is one. False: the lease
+    /// was lost.
+    pub(crate) async fn fail(&self, lease: &Lease, fault: &Fault, prefix: Option<&str>) -> Result<bool> {
+        let instances = serde_json::to_string(&fault.instances).map_err(Error::internal)?;
+        let mut tx = self.begin().await?;
+        let done = sqlx::query(
+            "UPDATE reconstructions SET state = 'failed', error_code = $3, error_detail = $4, error_instances = $5, \
+             result = $6, has_report = ($6 IS NOT NULL), finished_ms = $7, worker = NULL, lease_until_ms = NULL \
+             WHERE id = $1 AND fence = $2 AND state = 'running'",
+        )
+        .bind(lease.id.to_string())
+        .bind(lease.fence)
+        .bind(&fault.code)
+        .bind(&fault.detail)
+        .bind(instances)
+        .bind(prefix)
+        .bind(now_ms())
+        .execute(&mut *tx)
+        .await?;
+        tx.commit().await?;
+        Ok(done.rows_affected() > 0)
+    }
+
+    /// Marks a running one cancelled. False: the lease was lost.
+    pub(crate) async fn finish_cancelled(&self, lease: &Lease) -> Result<bool> {
+        let mut tx = self.begin().await?;
+        let done = sqlx::query(
+            "UPDATE reconstructions SET state = 'cancelled', finished_ms = $3, worker = NULL, lease_until_ms = NULL \
+             WHERE id = $1 AND fence = $2 AND state = 'running'",
+        )
+        .bind(lease.id.to_string())
+        .bind(lease.fence)
+        .bind(now_ms())
+        .execute(&mut *tx)
+        .await?;
+        tx.commit().await?;
+        Ok(done.rows_affected() > 0)
+    }
+
+    /// Queues a running one again; see `Store::retry`. One that was to be cancelled is cancelled.
+    pub(crate) async fn retry(&self, lease: &Lease, not_before_ms: i64, fault: &Fault) -> Result<bool> {
+        let mut tx = self.begin().await?;
+        let done = sqlx::query(
+            "UPDATE reconstructions SET state = CASE WHEN cancel_requested THEN 'cancelled' ELSE 'queued' END, \
+             finished_ms = CASE WHEN cancel_requested THEN $6 ELSE NULL END, \
+             not_before_ms = $3, error_code = $4, error_detail = $5, worker = NULL, lease_until_ms = NULL \
+             WHERE id = $1 AND fence = $2 AND state = 'running'",
+        )
+        .bind(lease.id.to_string())
+        .bind(lease.fence)
+        .bind(not_before_ms)
+        .bind(&fault.code)
+        .bind(&fault.detail)
+        .bind(now_ms())
+        .execute(&mut *tx)
+        .await?;
+        tx.commit().await?;
+        Ok(done.rows_affected() > 0)
+    }
+
+    /// Gives a running one back, its attempt not counted.
+    pub(crate) async fn release(&self, lease: &Lease) -> Result<bool> {
+        let mut tx = self.begin().await?;
+        let done = sqlx::query(
+            "UPDATE reconstructions SET state = CASE WHEN cancel_requested THEN 'cancelled' ELSE 'queued' END, \
+             finished_ms = CASE WHEN cancel_requested THEN $3 ELSE NULL END, \
+             attempts = attempts - 1, worker = NULL, lease_until_ms = NULL \
+             WHERE id = $1 AND fence = $2 AND state = 'running'",
+        )
+        .bind(lease.id.to_string())
+        .bind(lease.fence)
+        .bind(now_ms())
+        .execute(&mut *tx)
+        .await?;
+        tx.commit().await?;
+        Ok(done.rows_affected() > 0)
+    }
+
+    /// See `Store::cancel`.
+    pub(crate) async fn cancel(&self, id: ReconstructionId) -> Result<ReconstructionRecord> {
+        let mut tx = self.begin().await?;
+        sqlx::query(
+            "UPDATE reconstructions SET cancel_requested = TRUE, \
+             finished_ms = CASE WHEN state = 'queued' THEN $2 ELSE finished_ms END, \
+             state = CASE WHEN state = 'queued' THEN 'cancelled' ELSE state END \
+             WHERE id = $1 AND state IN ('queued', 'running')",
+        )
+        .bind(id.to_string())
+        .bind(now_ms())
+        .execute(&mut *tx)
+        .await?;
+        let record = reconstructions::one(&mut tx, id).await?;
+        tx.commit().await?;
+        record.ok_or_else(|| Error::NotFound { what: "reconstruction", id: id.to_string() })
+    }
+
+    /// See `Store::reclaim`.
+    pub(crate) async fn reclaim(
+        &self,
+        which: Reclaim,
+        max_attempts: u32,
+    ) -> Result<Vec<ReconstructionRecord>> {
+        let now = now_ms();
+        let before = match which {
+            Reclaim::All => i64::MAX,
+            Reclaim::Expired => now,
+        };
+        let mut tx = self.begin().await?;
+        let changed = sqlx::query(
+            "UPDATE reconstructions SET \
+             state = CASE WHEN cancel_requested THEN 'cancelled' WHEN attempts >= $2 THEN 'failed' ELSE 'queued' END, \
+             error_code = CASE WHEN cancel_requested THEN error_code ELSE 'worker_died' END, \
+             error_detail = CASE WHEN cancel_requested THEN error_detail ELSE $4 END, \
+             finished_ms = CASE WHEN cancel_requested OR attempts >= $2 THEN $3 ELSE NULL END, \
+             not_before_ms = $3, worker = NULL, lease_until_ms = NULL \
+             WHERE state = 'running' AND lease_until_ms < $1 RETURNING *",
+        )
+        .bind(before)
+        .bind(i64::from(max_attempts))
+        .bind(now)
+        .bind("the process that ran it ended before it was done; if that repeats, look for lack of memory")
+        .fetch_all(&mut *tx)
+        .await?;
+        tx.commit().await?;
+        Ok(changed.iter().map(rows::reconstruction).collect::<Result<_, _>>()?)
+    }
+
+    /// When the next queued one may be claimed.
+    pub(crate) async fn next_claim_ms(&self) -> Result<Option<i64>> {
+        Ok(sqlx::query_scalar("SELECT MIN(not_before_ms) FROM reconstructions WHERE state = 'queued'")
+            .fetch_one(&self.readers)
+            .await?)
+    }
+
+    /// How many are queued.
+    pub(crate) async fn queued(&self) -> Result<u64> {
+        let queued = count_queued(&mut *self.readers.acquire().await?).await?;
+        Ok(u64::try_from(queued).unwrap_or_default())
+    }
+}
+
+/// Queues what is wanted within the caller's transaction, unless it is there already.
+pub(super) async fn enqueue(
+    connection: &mut Connection,
+    wanted: &Wanted<'_>,
+    max_queued: u64,
+    now: i64,
+) -> Result<Enqueued> {
+    let existing = reconstructions::id_of(connection, wanted.series, wanted.set, wanted.parameters).await?;
+    let existing = match existing {
+        Some(id) => reconstructions::one(connection, id).await?,
+        None => None,
+    };
+    let again = match existing {
+        None => None,
+        Some(record)
+            if matches!(record.state, ReconstructionState::Failed | ReconstructionState::Cancelled) =>
+        {
+            Some(record.id)
+        }
+        Some(record) => return Ok(Enqueued::Existing(record.id)),
+    };
+    if count_queued(connection).await? >= super::instances::signed(max_queued) {
+        return Ok(Enqueued::Full);
+    }
+    if let Some(id) = again {
+        sqlx::query(
+            "UPDATE reconstructions SET state = 'queued', stage = NULL, fraction = 0.0, attempts = 0, \
+             error_code = NULL, error_detail = NULL, error_instances = '[]', result = NULL, has_report = FALSE, \
+             software = $3, started_ms = NULL, finished_ms = NULL, not_before_ms = $2, cancel_requested = FALSE \
+             WHERE id = $1",
+        )
+        .bind(id.to_string())
+        .bind(now)
+        .bind(crate::SOFTWARE)
+        .execute(connection)
+        .await?;
+        return Ok(Enqueued::Queued(id));
+    }
+    let id = ReconstructionId::new();
+    let parameters = parameters_json(wanted.parameters)?;
+    sqlx::query(
+        "INSERT INTO reconstructions (id, series_uid, revision, instances_sha256, instances, parameters, \
+         parameters_sha256, software, state, fraction, attempts, error_instances, has_report, created_ms, \
+         not_before_ms, fence, cancel_requested) \
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, 'queued', 0.0, 0, '[]', FALSE, $9, $9, 0, FALSE)",
+    )
+    .bind(id.to_string())
+    .bind(wanted.series.as_str())
+    .bind(i64::from(wanted.revision))
+    .bind(wanted.set.as_slice())
+    .bind(wanted.instances)
+    .bind(&parameters)
+    .bind(parameters_sha256(&parameters).as_slice())
+    .bind(crate::SOFTWARE)
+    .bind(now)
+    .execute(connection)
+    .await?;
+    Ok(Enqueued::Queued(id))
+}
+
+async fn count_queued(connection: &mut Connection) -> Result<i64> {
+    Ok(sqlx::query_scalar("SELECT COUNT(*) FROM reconstructions WHERE state = 'queued'")
+        .fetch_one(connection)
+        .await?)
+}
+
+/// The parameters' one text: fields in the order of their declaration.
+pub(super) fn parameters_json(parameters: &Parameters) -> Result<String> {
+    serde_json::to_string(parameters).map_err(Error::internal)
+}
+
+/// Identity of parameters.
+pub(super) fn parameters_sha256(json: &str) -> [u8; 32] {
+    Sha256::digest(json.as_bytes()).into()
+}
+
+fn milliseconds(duration: Duration) -> i64 {
+    i64::try_from(duration.as_millis()).unwrap_or(i64::MAX / 2)
+}

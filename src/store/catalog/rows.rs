@@ -1,0 +1,187 @@
+//! Rows → records.
+
+use std::fmt::Display;
+use std::str::FromStr;
+
+use sqlx::Row as _;
+use sqlx::error::BoxDynError;
+
+use super::dialect::Row;
+use crate::dicom::header::InstanceHeader;
+use crate::pipeline::Stage;
+use crate::store::records::{
+    CompleteReason, InstanceRecord, ReconstructionRecord, ReconstructionState, Refused, SeriesRecord,
+    SeriesState, UnfitReason,
+};
+
+type Result<T> = std::result::Result<T, sqlx::Error>;
+
+fn decode_error(column: &str, source: impl Into<BoxDynError>) -> sqlx::Error {
+    sqlx::Error::ColumnDecode { index: column.to_owned(), source: source.into() }
+}
+
+/// A text that `T` parses.
+pub(super) fn parsed<T>(row: &Row, column: &str) -> Result<T>
+where
+    T: FromStr<Err: Display>,
+{
+    let text: &str = row.try_get(column)?;
+    text.parse().map_err(|error: T::Err| decode_error(column, error.to_string()))
+}
+
+fn maybe_parsed<T>(row: &Row, column: &str) -> Result<Option<T>>
+where
+    T: FromStr<Err: Display>,
+{
+    let text: Option<&str> = row.try_get(column)?;
+    text.map(str::parse).transpose().map_err(|error: T::Err| decode_error(column, error.to_string()))
+}
+
+/// A name of one of our enums.
+fn named<T>(row: &Row, column: &str, from_name: impl Fn(&str) -> Option<T>) -> Result<T> {
+    maybe_named(row, column, from_name)?.ok_or_else(|| decode_error(column, "null"))
+}
+
+fn maybe_named<T>(row: &Row, column: &str, from_name: impl Fn(&str) -> Option<T>) -> Result<Option<T>> {
+    let text: Option<&str> = row.try_get(column)?;
+    text.map(|text| from_name(text).ok_or_else(|| decode_error(column, format!("unknown name {text}"))))
+        .transpose()
+}
+
+/// A number that fits into `T`.
+pub(super) fn number<T: TryFrom<i64>>(row: &Row, column: &str) -> Result<T> {
+    let value: i64 = row.try_get(column)?;
+    T::try_from(value).map_err(|_| decode_error(column, "out of range"))
+}
+
+fn maybe_number<T: TryFrom<i64>>(row: &Row, column: &str) -> Result<Option<T>> {
+    let value: Option<i64> = row.try_get(column)?;
+    value.map(|value| T::try_from(value).map_err(|_| decode_error(column, "out of range"))).transpose()
+}
+
+/// A SHA-256.
+pub(super) fn sha256(row: &Row, column: &str) -> Result<[u8; 32]> {
+    let bytes: &[u8] = row.try_get(column)?;
+    bytes.try_into().map_err(|_| decode_error(column, "not 32 bytes"))
+}
+
+/// JSON of a value of ours.
+fn json<T: serde::de::DeserializeOwned>(row: &Row, column: &str) -> Result<T> {
+    let text: &str = row.try_get(column)?;
+    serde_json::from_str(text).map_err(|error| decode_error(column, error))
+}
+
+fn maybe_json<T: serde::de::DeserializeOwned>(row: &Row, column: &str) -> Result<Option<T>> {
+    let text: Option<&str> = row.try_get(column)?;
+    text.map(serde_json::from_str).transpose().map_err(|error| decode_error(column, error))
+}
+
+pub(super) fn series_state(row: &Row) -> Result<SeriesState> {
+    named(row, "state", SeriesState::from_name)
+}
+
+pub(super) fn due_reason(row: &Row) -> Result<Option<CompleteReason>> {
+    maybe_named(row, "due_reason", CompleteReason::from_name)
+}
+
+pub(super) fn series(row: &Row) -> Result<SeriesRecord> {
+    Ok(SeriesRecord {
+        series_instance_uid: parsed(row, "series_uid")?,
+        study_instance_uid: parsed(row, "study_uid")?,
+        frame_of_reference_uid: maybe_parsed(row, "frame_of_reference_uid")?,
+        modality: row.try_get("modality")?,
+        description: row.try_get("description")?,
+        patient_id: row.try_get("patient_id")?,
+        accession_number: row.try_get("accession_number")?,
+        state: series_state(row)?,
+        unfit_reason: maybe_named(row, "unfit_reason", UnfitReason::from_name)?,
+        revision: number(row, "revision")?,
+        complete_reason: maybe_named(row, "complete_reason", CompleteReason::from_name)?,
+        expected_instances: maybe_number(row, "expected_instances")?,
+        instances: number(row, "instances")?,
+        bytes: number(row, "bytes")?,
+        refused_instances: number(row, "refused_instances")?,
+        created_ms: row.try_get("created_ms")?,
+        updated_ms: row.try_get("updated_ms")?,
+    })
+}
+
+pub(super) fn instance(row: &Row) -> Result<InstanceRecord> {
+    let image_type: &str = row.try_get("image_type")?;
+    Ok(InstanceRecord {
+        header: InstanceHeader {
+            sop_class_uid: parsed(row, "sop_class_uid")?,
+            sop_instance_uid: parsed(row, "sop_uid")?,
+            study_instance_uid: parsed(row, "study_uid")?,
+            series_instance_uid: parsed(row, "series_uid")?,
+            transfer_syntax_uid: parsed(row, "transfer_syntax_uid")?,
+            frame_of_reference_uid: maybe_parsed(row, "frame_of_reference_uid")?,
+            modality: row.try_get("modality")?,
+            image_type: if image_type.is_empty() {
+                Vec::new()
+            } else {
+                image_type.split('\\').map(str::to_owned).collect()
+            },
+            series_description: row.try_get("description")?,
+            patient_id: row.try_get("patient_id")?,
+            accession_number: row.try_get("accession_number")?,
+            frames: number(row, "frames")?,
+            rows: maybe_number(row, "pixel_rows")?,
+            columns: maybe_number(row, "pixel_columns")?,
+            has_pixel_data: row.try_get("has_pixel_data")?,
+        },
+        blob: row.try_get("blob")?,
+        size: number(row, "size")?,
+        data_set_sha256: sha256(row, "data_set_sha256")?,
+        received_ms: row.try_get("received_ms")?,
+    })
+}
+
+pub(super) fn refused(row: &Row) -> Result<Refused> {
+    Ok(Refused {
+        sop_instance_uid: parsed(row, "sop_uid")?,
+        code: row.try_get("code")?,
+        times: number(row, "times")?,
+        last_ms: row.try_get("last_ms")?,
+    })
+}
+
+pub(super) fn reconstruction(row: &Row) -> Result<ReconstructionRecord> {
+    let stage = |name: &str| Stage::ALL.into_iter().find(|stage| stage.name() == name);
+    Ok(ReconstructionRecord {
+        id: parsed(row, "id")?,
+        series_instance_uid: parsed(row, "series_uid")?,
+        revision: number(row, "revision")?,
+        instances_sha256: sha256(row, "instances_sha256")?,
+        instances: number(row, "instances")?,
+        parameters: json(row, "parameters")?,
+        state: named(row, "state", ReconstructionState::from_name)?,
+        stage: maybe_named(row, "stage", stage)?,
+        fraction: row.try_get("fraction")?,
+        attempts: number(row, "attempts")?,
+        error_code: row.try_get("error_code")?,
+        error_detail: row.try_get("error_detail")?,
+        error_instances: json(row, "error_instances")?,
+        superseded_by: maybe_parsed(row, "superseded_by")?,
+        software: row.try_get("software")?,
+        figures: maybe_json(row, "figures")?,
+        has_report: row.try_get("has_report")?,
+        created_ms: row.try_get("created_ms")?,
+        started_ms: row.try_get("started_ms")?,
+        finished_ms: row.try_get("finished_ms")?,
+    })
+}
+
+/// One row more than a page was asked for: whether there is another page is known then.
+pub(super) fn page<T>(
+    rows: &[Row],
+    limit: u32,
+    record: impl Fn(&Row) -> Result<T>,
+    cursor: impl Fn(&T) -> String,
+) -> Result<crate::store::Page<T>> {
+    let limit = limit as usize;
+    let records = rows.iter().take(limit).map(record).collect::<Result<Vec<T>>>()?;
+    let more = rows.len() > limit;
+    let next_cursor = records.last().filter(|_| more).map(cursor);
+    Ok(crate::store::Page { rows: records, next_cursor })
+}

@@ -1,0 +1,79 @@
+//! Brings the schema to this version, step by step, and refuses one from the future.
+
+use sqlx::Connection as _;
+
+use super::dialect::{BEGIN_WRITING, Connection, MIGRATIONS};
+
+/// Why the catalog can't be opened.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum SchemaError {
+    /// Made by a later version of the software.
+    #[error("schema version {found} is newer than this software's {known}")]
+    Newer {
+        /// Its version.
+        found: i64,
+        /// The latest one known here.
+        known: i64,
+    },
+    /// The database's own error.
+    #[error(transparent)]
+    Database(#[from] sqlx::Error),
+}
+
+/// Runs the steps that are missing, all in one transaction.
+pub(super) async fn migrate(connection: &mut Connection) -> Result<(), SchemaError> {
+    let mut tx = connection.begin_with(BEGIN_WRITING).await?;
+    sqlx::query("CREATE TABLE IF NOT EXISTS schema_version (version BIGINT NOT NULL)")
+        .execute(&mut *tx)
+        .await?;
+    let found: i64 = sqlx::query_scalar("SELECT COALESCE(MAX(version), 0) FROM schema_version")
+        .fetch_one(&mut *tx)
+        .await?;
+    let known = i64::try_from(MIGRATIONS.len()).unwrap_or(i64::MAX);
+    if found > known {
+        return Err(SchemaError::Newer { found, known });
+    }
+    for (version, sql) in (1_i64..).zip(MIGRATIONS).filter(|(version, _)| *version > found) {
+        sqlx::raw_sql(*sql).execute(&mut *tx).await?;
+        sqlx::query("INSERT INTO schema_version (version) VALUES ($1)")
+            .bind(version)
+            .execute(&mut *tx)
+            .await?;
+        tracing::info!(version, "catalog schema migrated");
+    }
+    tx.commit().await?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Catalog;
+    use super::*;
+
+    #[tokio::test]
+    async fn opening_twice_migrates_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("catalog.sqlite");
+        Catalog::open(&file).await.unwrap().close().await;
+        let catalog = Catalog::open(&file).await.unwrap();
+        let steps: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM schema_version")
+            .fetch_one(&catalog.readers)
+            .await
+            .unwrap();
+        assert_eq!(steps, i64::try_from(MIGRATIONS.len()).unwrap());
+    }
+
+    #[tokio::test]
+    async fn a_newer_schema_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("catalog.sqlite");
+        let catalog = Catalog::open(&file).await.unwrap();
+        sqlx::query("INSERT INTO schema_version (version) VALUES (999)")
+            .execute(&catalog.writer)
+            .await
+            .unwrap();
+        catalog.close().await;
+        let error = Catalog::open(&file).await.unwrap_err();
+        assert!(matches!(error, SchemaError::Newer { found: 999, .. }), "{error}");
+    }
+}

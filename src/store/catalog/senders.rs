@@ -1,0 +1,246 @@
+//! Who still sends a series, how many instances are expected, and when a series is due: the rows
+//! by which completeness survives a restart.
+
+use uuid::Uuid;
+
+use super::completion::{Completion, Policy, complete};
+use super::dialect::Connection;
+use super::instances::signed;
+use super::{Catalog, now_ms, rows, series};
+use crate::dicom::uid::SeriesInstanceUid;
+use crate::error::Result;
+use crate::store::records::{CompleteReason, SeriesState};
+
+impl Catalog {
+    /// A duplicate came: the sender is alive, so a series that is still receiving waits on.
+    pub(crate) async fn heard_again(
+        &self,
+        uid: &SeriesInstanceUid,
+        sender: Uuid,
+        policy: &Policy,
+    ) -> Result<()> {
+        let mut tx = self.begin().await?;
+        if series::one(&mut tx, uid).await?.is_some_and(|series| series.state == SeriesState::Receiving) {
+            heard(&mut tx, uid, sender, &self.process, now_ms() + policy.quiet_ms).await?;
+        }
+        Ok(tx.commit().await?)
+    }
+
+    /// The sender ended: its series that nobody else sends are due after the short quiet time.
+    pub(crate) async fn sender_ended(&self, sender: Uuid, policy: &Policy) -> Result<()> {
+        let mut tx = self.begin().await?;
+        for uid in forget(&mut tx, sender).await? {
+            hasten(&mut tx, &uid, now_ms() + policy.quiet_after_association_ms).await?;
+        }
+        Ok(tx.commit().await?)
+    }
+
+    /// The senders of former processes ended with them.
+    pub(crate) async fn former_senders_ended(&self, policy: &Policy) -> Result<()> {
+        let mut tx = self.begin().await?;
+        let orphaned = uids(
+            sqlx::query_scalar("DELETE FROM open_senders WHERE process <> $1 RETURNING series_uid")
+                .bind(&self.process)
+                .fetch_all(&mut *tx)
+                .await?,
+        );
+        for uid in orphaned {
+            hasten(&mut tx, &uid, now_ms() + policy.quiet_after_association_ms).await?;
+        }
+        Ok(tx.commit().await?)
+    }
+
+    /// The upload is whole: completes its series, but for those that wait for an expected number
+    /// or that somebody else still sends. Gives all of them, and what became of the completed ones.
+    pub(crate) async fn upload_ended(
+        &self,
+        sender: Uuid,
+        policy: &Policy,
+    ) -> Result<Vec<(SeriesInstanceUid, Option<Completion>)>> {
+        let now = now_ms();
+        let mut tx = self.begin().await?;
+        let mut ended = Vec::new();
+        for uid in forget(&mut tx, sender).await? {
+            let instances = series::one(&mut tx, &uid).await?.map_or(0, |series| series.instances);
+            let waits = expected(&mut tx, &uid).await?.is_some_and(|expected| instances < expected)
+                || is_being_sent(&mut tx, &uid).await?;
+            let completion = if waits {
+                None
+            } else {
+                Some(complete(&mut tx, &uid, CompleteReason::UploadEnded, policy, now).await?)
+            };
+            ended.push((uid, completion));
+        }
+        tx.commit().await?;
+        Ok(ended)
+    }
+
+    /// Sets the expected number; completes the series if that many are there.
+    pub(crate) async fn expect(
+        &self,
+        uid: &SeriesInstanceUid,
+        instances: u64,
+        policy: &Policy,
+    ) -> Result<Option<Completion>> {
+        let now = now_ms();
+        let mut tx = self.begin().await?;
+        sqlx::query(
+            "INSERT INTO expectations (series_uid, expected_instances, set_ms) VALUES ($1, $2, $3) \
+             ON CONFLICT (series_uid) DO UPDATE SET expected_instances = excluded.expected_instances, \
+             set_ms = excluded.set_ms",
+        )
+        .bind(uid.as_str())
+        .bind(signed(instances))
+        .bind(now)
+        .execute(&mut *tx)
+        .await?;
+        let whole = series::one(&mut tx, uid)
+            .await?
+            .is_some_and(|series| series.state == SeriesState::Receiving && series.instances >= instances);
+        let completion = if whole {
+            Some(complete(&mut tx, uid, CompleteReason::ExpectedInstances, policy, now).await?)
+        } else {
+            None
+        };
+        tx.commit().await?;
+        Ok(completion)
+    }
+
+    /// Completes a series for a reason from outside; `None` if there is no such series.
+    pub(crate) async fn complete(
+        &self,
+        uid: &SeriesInstanceUid,
+        reason: CompleteReason,
+        policy: &Policy,
+    ) -> Result<Option<Completion>> {
+        let mut tx = self.begin().await?;
+        if series::one(&mut tx, uid).await?.is_none() {
+            return Ok(None);
+        }
+        let completion = complete(&mut tx, uid, reason, policy, now_ms()).await?;
+        tx.commit().await?;
+        Ok(Some(completion))
+    }
+
+    /// Series whose deadline has passed.
+    pub(crate) async fn due(&self) -> Result<Vec<SeriesInstanceUid>> {
+        let due = sqlx::query_scalar(
+            "SELECT series_uid FROM series WHERE due_ms <= $1 ORDER BY due_ms, series_uid",
+        )
+        .bind(now_ms())
+        .fetch_all(&self.readers)
+        .await?;
+        Ok(uids(due))
+    }
+
+    /// The next deadline.
+    pub(crate) async fn next_due_ms(&self) -> Result<Option<i64>> {
+        Ok(sqlx::query_scalar("SELECT MIN(due_ms) FROM series WHERE due_ms IS NOT NULL")
+            .fetch_one(&self.readers)
+            .await?)
+    }
+
+    /// Completes a series if it is still due, for the reason that its deadline was set for.
+    pub(crate) async fn fire(&self, uid: &SeriesInstanceUid, policy: &Policy) -> Result<Option<Completion>> {
+        let now = now_ms();
+        let mut tx = self.begin().await?;
+        let row = sqlx::query("SELECT due_reason FROM series WHERE series_uid = $1 AND due_ms <= $2")
+            .bind(uid.as_str())
+            .bind(now)
+            .fetch_optional(&mut *tx)
+            .await?;
+        let Some(reason) = row.map(|row| rows::due_reason(&row)).transpose()?.flatten() else {
+            return Ok(None);
+        };
+        let completion = complete(&mut tx, uid, reason, policy, now).await?;
+        tx.commit().await?;
+        Ok(Some(completion))
+    }
+}
+
+/// Something of the series came from `sender`: it is due after the quiet time, counted anew.
+pub(super) async fn heard(
+    connection: &mut Connection,
+    uid: &SeriesInstanceUid,
+    sender: Uuid,
+    process: &str,
+    due_ms: i64,
+) -> Result<()> {
+    sqlx::query(
+        "INSERT INTO open_senders (sender, series_uid, process) VALUES ($1, $2, $3) \
+         ON CONFLICT (sender, series_uid) DO NOTHING",
+    )
+    .bind(sender.to_string())
+    .bind(uid.as_str())
+    .bind(process)
+    .execute(&mut *connection)
+    .await?;
+    set_due(connection, uid, due_ms, CompleteReason::Quiet).await
+}
+
+/// Sets a series' deadline.
+pub(super) async fn set_due(
+    connection: &mut Connection,
+    uid: &SeriesInstanceUid,
+    due_ms: i64,
+    reason: CompleteReason,
+) -> Result<()> {
+    sqlx::query("UPDATE series SET due_ms = $2, due_reason = $3 WHERE series_uid = $1")
+        .bind(uid.as_str())
+        .bind(due_ms)
+        .bind(reason.name())
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+/// The expected number of instances.
+pub(super) async fn expected(connection: &mut Connection, uid: &SeriesInstanceUid) -> Result<Option<u64>> {
+    let row = sqlx::query("SELECT expected_instances FROM expectations WHERE series_uid = $1")
+        .bind(uid.as_str())
+        .fetch_optional(connection)
+        .await?;
+    Ok(row.map(|row| rows::number(&row, "expected_instances")).transpose()?)
+}
+
+async fn is_being_sent(connection: &mut Connection, uid: &SeriesInstanceUid) -> Result<bool> {
+    let senders: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM open_senders WHERE series_uid = $1")
+        .bind(uid.as_str())
+        .fetch_one(connection)
+        .await?;
+    Ok(senders > 0)
+}
+
+/// Removes the sender; gives the series that it sent.
+async fn forget(connection: &mut Connection, sender: Uuid) -> Result<Vec<SeriesInstanceUid>> {
+    let gone = sqlx::query_scalar("DELETE FROM open_senders WHERE sender = $1 RETURNING series_uid")
+        .bind(sender.to_string())
+        .fetch_all(connection)
+        .await?;
+    Ok(uids(gone))
+}
+
+/// A sender of the series ended: if it was the last one, the deadline comes nearer.
+async fn hasten(connection: &mut Connection, uid: &SeriesInstanceUid, due_ms: i64) -> Result<()> {
+    if is_being_sent(connection, uid).await? {
+        return Ok(());
+    }
+    sqlx::query(
+        "UPDATE series SET due_ms = $2, due_reason = $3 \
+         WHERE series_uid = $1 AND state = 'receiving' AND (due_ms IS NULL OR due_ms > $2)",
+    )
+    .bind(uid.as_str())
+    .bind(due_ms)
+    .bind(CompleteReason::AssociationEnded.name())
+    .execute(connection)
+    .await?;
+    Ok(())
+}
+
+/// UIDs as the catalog holds them, sorted, each once.
+fn uids(texts: Vec<String>) -> Vec<SeriesInstanceUid> {
+    let mut uids: Vec<SeriesInstanceUid> = texts.into_iter().filter_map(|text| text.parse().ok()).collect();
+    uids.sort_unstable();
+    uids.dedup();
+    uids
+}

@@ -1,0 +1,176 @@
+//! Series, instances and reconstructions as they are.
+
+use std::io;
+use std::sync::Arc;
+
+use super::blobs::Blobs;
+use super::catalog::set_sha256;
+use super::records::{
+    InstanceRecord, Page, ReconstructionFilter, ReconstructionId, ReconstructionRecord, Refused,
+    SeriesFilter, SeriesRecord,
+};
+use super::{Store, blocking};
+use crate::dicom::source::InstanceSource;
+use crate::dicom::uid::SeriesInstanceUid;
+use crate::error::{Error, Result};
+use crate::geometry::Plane;
+
+/// Stored instances, to be read by synchronous code.
+#[derive(Debug, Clone)]
+pub struct StoredInstances {
+    blobs: Arc<dyn Blobs>,
+    keys: Vec<String>,
+}
+
+impl InstanceSource for StoredInstances {
+    fn len(&self) -> usize {
+        self.keys.len()
+    }
+    fn read(&self, index: usize) -> io::Result<Vec<u8>> {
+        let key = self.keys.get(index).ok_or(io::ErrorKind::NotFound)?;
+        self.blobs.read(key)
+    }
+}
+
+impl Store {
+    /// One series.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn series(&self, uid: &SeriesInstanceUid) -> Result<Option<SeriesRecord>> {
+        self.0.catalog.series(uid).await
+    }
+
+    /// Series, newest first.
+    ///
+    /// # Errors
+    /// A cursor that is none of ours.
+    pub async fn list_series(
+        &self,
+        filter: &SeriesFilter,
+        cursor: Option<&str>,
+        limit: u32,
+    ) -> Result<Page<SeriesRecord>> {
+        self.0.catalog.list_series(filter, cursor, limit).await
+    }
+
+    /// All stored instances of a series, by SOP Instance UID.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn instances(&self, uid: &SeriesInstanceUid) -> Result<Vec<InstanceRecord>> {
+        self.0.catalog.instances(uid).await
+    }
+
+    /// Exactly the instances that a reconstruction is made from: those that came later are left
+    /// out.
+    ///
+    /// # Errors
+    /// [`Error::SourceRemoved`] if they are no longer all stored.
+    pub async fn instances_of(&self, reconstruction: &ReconstructionRecord) -> Result<Vec<InstanceRecord>> {
+        let (uid, revision) = (&reconstruction.series_instance_uid, reconstruction.revision);
+        let instances = self.0.catalog.instances_of_revision(uid, revision).await?;
+        if set_sha256(&instances) == reconstruction.instances_sha256 {
+            Ok(instances)
+        } else {
+            Err(Error::SourceRemoved)
+        }
+    }
+
+    /// Instances of a series that were refused, by SOP Instance UID.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn refused(&self, uid: &SeriesInstanceUid) -> Result<Vec<Refused>> {
+        self.0.catalog.refused(uid).await
+    }
+
+    /// The bytes of `instances`, in their order.
+    #[must_use]
+    pub fn instance_source(&self, instances: &[InstanceRecord]) -> StoredInstances {
+        let keys = instances.iter().map(|instance| instance.blob.clone()).collect();
+        StoredInstances { blobs: Arc::clone(&self.0.blobs), keys }
+    }
+
+    /// One reconstruction.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn reconstruction(&self, id: ReconstructionId) -> Result<Option<ReconstructionRecord>> {
+        self.0.catalog.reconstruction(id).await
+    }
+
+    /// Reconstructions, newest first.
+    ///
+    /// # Errors
+    /// A cursor that is none of ours.
+    pub async fn list_reconstructions(
+        &self,
+        filter: &ReconstructionFilter,
+        cursor: Option<&str>,
+        limit: u32,
+    ) -> Result<Page<ReconstructionRecord>> {
+        self.0.catalog.list_reconstructions(filter, cursor, limit).await
+    }
+
+    /// The succeeded reconstruction of the series' latest revision that has one; of several (other
+    /// parameters) the one finished last.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn latest_succeeded(&self, uid: &SeriesInstanceUid) -> Result<Option<ReconstructionRecord>> {
+        self.0.catalog.latest_succeeded(uid).await
+    }
+
+    /// The stored cloud (binary PLY, LPS mm) of one plane, or for `None` the triplanar one.
+    ///
+    /// # Errors
+    /// No such reconstruction; one that has no cloud (yet).
+    pub async fn cloud(&self, id: ReconstructionId, plane: Option<Plane>) -> Result<Vec<u8>> {
+        let record = self.existing(id).await?;
+        if !record.state.has_cloud() {
+            let detail = "only a succeeded one has a cloud; see its state, error and report".to_owned();
+            return Err(Error::ReconstructionState { state: record.state.name(), detail });
+        }
+        self.result_blob(id, &cloud_name(plane)).await
+    }
+
+    /// The stored report (JSON).
+    ///
+    /// # Errors
+    /// No such reconstruction; one that has no report (yet).
+    pub async fn report(&self, id: ReconstructionId) -> Result<Vec<u8>> {
+        let record = self.existing(id).await?;
+        if !record.has_report {
+            let detail = "it has no report; see its state and error".to_owned();
+            return Err(Error::ReconstructionState { state: record.state.name(), detail });
+        }
+        self.result_blob(id, REPORT).await
+    }
+
+    async fn existing(&self, id: ReconstructionId) -> Result<ReconstructionRecord> {
+        let record = self.reconstruction(id).await?;
+        record.ok_or_else(|| Error::NotFound { what: "reconstruction", id: id.to_string() })
+    }
+
+    async fn result_blob(&self, id: ReconstructionId, name: &str) -> Result<Vec<u8>> {
+        let prefix = self.0.catalog.result_of(id).await?;
+        let prefix = prefix.ok_or_else(|| Error::NotFound { what: "reconstruction", id: id.to_string() })?;
+        let (blobs, key) = (Arc::clone(&self.0.blobs), format!("{prefix}/{name}"));
+        blocking(move || Ok(blobs.read(&key)?)).await
+    }
+}
+
+/// Name of the report's blob within a result.
+pub(super) const REPORT: &str = "report.json";
+
+/// Name of a cloud's blob within a result.
+pub(super) fn cloud_name(plane: Option<Plane>) -> String {
+    format!("{}.ply", plane.map_or("triplanar", Plane::name))
+}
+
+/// Names of all blobs that a result can have.
+pub(super) fn result_names() -> impl Iterator<Item = String> {
+    let planes = std::iter::once(None).chain(Plane::ALL.map(Some));
+    planes.map(cloud_name).chain(std::iter::once(REPORT.to_owned()))
+}

@@ -1,0 +1,90 @@
+//! What only the intake does: room for an instance, its durable place, its row.
+
+use std::io::{self, Read, Write as _};
+use std::path::Path;
+use std::sync::Arc;
+
+use sha2::{Digest as _, Sha256};
+use uuid::Uuid;
+
+use super::catalog::{Added, Catalog, NewInstance, Policy};
+use super::{Store, blocking};
+use crate::dicom::header::InstanceHeader;
+use crate::dicom::uid::SopInstanceUid;
+use crate::error::Result;
+
+/// Bytes copied at a time.
+const CHUNK: usize = 1 << 16;
+
+impl Store {
+    /// The rows behind grouping and completeness.
+    pub(crate) fn catalog(&self) -> &Catalog {
+        &self.0.catalog
+    }
+
+    /// Where bytes are collected that are no instance yet; emptied at start.
+    pub(crate) fn incoming(&self) -> &Path {
+        &self.0.incoming
+    }
+
+    /// Makes an instance durable as a blob: `file_meta` and then `data_set`, untouched. It counts
+    /// only with a row: see [`Store::enter`]. Blocks.
+    pub(crate) fn write_instance(
+        &self,
+        header: InstanceHeader,
+        file_meta: &[u8],
+        mut data_set: impl Read,
+    ) -> io::Result<NewInstance> {
+        let mut file = self.0.blobs.temporary()?;
+        file.write_all(file_meta)?;
+        let mut hash = Sha256::new();
+        let mut size = file_meta.len() as u64;
+        let mut chunk = vec![0; CHUNK];
+        loop {
+            let read = match data_set.read(&mut chunk) {
+                Ok(0) => break,
+                Ok(read) => &chunk[..read],
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                Err(error) => return Err(error),
+            };
+            hash.update(read);
+            file.write_all(read)?;
+            size += read.len() as u64;
+        }
+        // A name that nobody else writes: whoever loses a race removes its own file only.
+        let unique = Uuid::new_v4();
+        let folder = unique.as_bytes()[0];
+        let blob = format!("instances/{folder:02x}/{}.{}.dcm", header.sop_instance_uid, unique.simple());
+        self.0.blobs.adopt(file, &blob)?;
+        Ok(NewInstance { header, blob, size, data_set_sha256: hash.finalize().into() })
+    }
+
+    /// Gives a durable instance its row. If that is refused, or there is one with its UID, its blob
+    /// is removed again.
+    pub(crate) async fn enter(&self, new: &NewInstance, sender: Uuid, policy: &Policy) -> Result<Added> {
+        let added = self.0.catalog.add_instance(new, sender, policy).await;
+        if matches!(added, Ok(Added::New(_))) {
+            return added;
+        }
+        // After a failed commit it is the catalog that knows whether the row is there. If that
+        // can't be asked, the blob stays; without a row it is removed at the next start.
+        let uid = &new.header.sop_instance_uid;
+        let named = self.0.catalog.instance(uid).await.map(|row| row.is_some_and(|row| row.blob == new.blob));
+        if let Ok(false) = named {
+            let (blobs, key) = (Arc::clone(&self.0.blobs), new.blob.clone());
+            blocking(move || Ok(blobs.remove(&key)?)).await?;
+        }
+        added
+    }
+
+    /// The whole Part 10 file of a stored instance.
+    pub(crate) async fn instance_bytes(&self, blob: &str) -> Result<Vec<u8>> {
+        let (blobs, key) = (Arc::clone(&self.0.blobs), blob.to_owned());
+        blocking(move || Ok(blobs.read(&key)?)).await
+    }
+
+    /// The stored instance of that UID.
+    pub(crate) async fn instance(&self, uid: &SopInstanceUid) -> Result<Option<super::InstanceRecord>> {
+        self.0.catalog.instance(uid).await
+    }
+}

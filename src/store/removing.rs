@@ -1,0 +1,93 @@
+//! Removal, asked for or by age. Rows go first; a blob whose removal fails is without a row and
+//! goes at the next start.
+
+use std::sync::Arc;
+
+use super::catalog::Removed;
+use super::reading::result_names;
+use super::{ReconstructionId, Store, blocking};
+use crate::dicom::uid::SeriesInstanceUid;
+use crate::error::Result;
+
+const DAY_MS: i64 = 86_400_000;
+
+/// What [`Store::sweep`] removed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Swept {
+    /// Series whose source instances were removed.
+    pub series: u64,
+    /// Reconstructions removed.
+    pub reconstructions: u64,
+}
+
+impl Store {
+    /// Removes a series with its instances and reconstructions; false if there is none. A worker
+    /// that reconstructs it learns of it at its next heartbeat.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn delete_series(&self, uid: &SeriesInstanceUid) -> Result<bool> {
+        let removed = self.0.catalog.delete_series(uid).await?;
+        let existed = removed.is_some();
+        self.remove_blobs(removed.unwrap_or_default()).await?;
+        Ok(existed)
+    }
+
+    /// Removes a reconstruction with its results; false if there is none. A worker that runs it
+    /// learns of it at its next heartbeat.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn delete_reconstruction(&self, id: ReconstructionId) -> Result<bool> {
+        let removed = self.0.catalog.delete_reconstruction(id).await?;
+        let existed = removed.is_some();
+        self.remove_blobs(removed.unwrap_or_default()).await?;
+        Ok(existed)
+    }
+
+    /// Removes what is older than the configured retention: reconstructions by the time they
+    /// ended, source instances by the time the latest of their series came. A series whose sources
+    /// are gone keeps its reconstructions; one with neither is removed.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn sweep(&self, now_ms: i64) -> Result<Swept> {
+        let mut swept = Swept::default();
+        let settings = &self.0.settings;
+        if settings.result_retention_days > 0 {
+            let before = now_ms - i64::from(settings.result_retention_days) * DAY_MS;
+            let (count, removed) = self.0.catalog.remove_old_reconstructions(before).await?;
+            swept.reconstructions = count;
+            self.remove_blobs(removed).await?;
+        }
+        if settings.source_retention_days > 0 {
+            let before = now_ms - i64::from(settings.source_retention_days) * DAY_MS;
+            let (count, removed) = self.0.catalog.remove_old_instances(before).await?;
+            swept.series = count;
+            self.remove_blobs(removed).await?;
+        }
+        self.0.catalog.remove_empty_series().await?;
+        Ok(swept)
+    }
+
+    /// Removes results of which no row names the prefix any more.
+    pub(super) async fn remove_results(&self, results: Vec<String>) -> Result<()> {
+        self.remove_blobs(Removed { blobs: Vec::new(), results }).await
+    }
+
+    async fn remove_blobs(&self, removed: Removed) -> Result<()> {
+        let blobs = Arc::clone(&self.0.blobs);
+        blocking(move || {
+            for key in removed.blobs {
+                blobs.remove(&key)?;
+            }
+            for prefix in removed.results {
+                for name in result_names() {
+                    blobs.remove(&format!("{prefix}/{name}"))?;
+                }
+            }
+            Ok(())
+        })
+        .await
+    }
+}

@@ -1,0 +1,167 @@
+//! What only the job workers do: take a reconstruction, tell how far it is, end it.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::reading::{REPORT, cloud_name};
+use super::{
+    Claim, Fault, Heartbeat, Lease, Outcome, Reclaim, ReconstructionId, ReconstructionRecord, Store,
+};
+use super::{blobs, blocking};
+use crate::dicom::uid::SeriesInstanceUid;
+use crate::error::{Error, Result};
+use crate::pipeline::{Parameters, Stage};
+
+impl Store {
+    /// Asks for a reconstruction of a complete series. The same instances and parameters again
+    /// are the same reconstruction: one that failed or was cancelled is queued again under its id,
+    /// with its attempts counted from zero; any other is returned as it is. True if this call
+    /// queued it.
+    ///
+    /// # Errors
+    /// No such series, one that is not complete or can't be reconstructed, a full queue
+    /// (`max_queued`), instances that were removed.
+    pub async fn enqueue(
+        &self,
+        uid: &SeriesInstanceUid,
+        parameters: &Parameters,
+        max_queued: u64,
+    ) -> Result<(ReconstructionRecord, bool)> {
+        self.0.catalog.enqueue(uid, parameters, max_queued).await
+    }
+
+    /// Takes the reconstruction that waited longest and is due, and counts an attempt. `worker`
+    /// stands on the row for an operator to read.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn claim(&self, worker: &str, lease: Duration) -> Result<Option<Claim>> {
+        self.0.catalog.claim(worker, lease).await
+    }
+
+    /// Records progress and renews the lease. `fraction` is of the whole, 0 to 1.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn heartbeat(
+        &self,
+        lease: &Lease,
+        stage: Stage,
+        fraction: f64,
+        renew_for: Duration,
+    ) -> Result<Heartbeat> {
+        self.0.catalog.heartbeat(lease, stage, fraction, renew_for).await
+    }
+
+    /// Stores the result, marks the reconstruction succeeded, and supersedes those of earlier
+    /// revisions of the series with the same parameters. False: the lease was lost, nothing
+    /// changed.
+    ///
+    /// # Errors
+    /// A full disk, the catalog's own. The lease holds on.
+    pub async fn finish_success(&self, lease: &Lease, outcome: &Outcome) -> Result<bool> {
+        let figures = serde_json::to_string(&outcome.figures).map_err(Error::internal)?;
+        let mut files: Vec<(String, Vec<u8>)> =
+            outcome.clouds.iter().map(|(plane, bytes)| (cloud_name(*plane), bytes.clone())).collect();
+        files.push((REPORT.to_owned(), outcome.report.clone()));
+        let prefix = self.write_result(lease, files).await?;
+        let done = self.0.catalog.succeed(lease, &prefix, &figures).await?;
+        if !done {
+            self.remove_results(vec![prefix]).await?;
+        }
+        Ok(done)
+    }
+
+    /// Marks it failed, with its report if there is one. False: the lease was lost.
+    ///
+    /// # Errors
+    /// A full disk, the catalog's own. The lease holds on.
+    pub async fn finish_failure(&self, lease: &Lease, fault: &Fault, report: Option<&[u8]>) -> Result<bool> {
+        let prefix = match report {
+            Some(report) => {
+                Some(self.write_result(lease, vec![(REPORT.to_owned(), report.to_owned())]).await?)
+            }
+            None => None,
+        };
+        let done = self.0.catalog.fail(lease, fault, prefix.as_deref()).await?;
+        if !done {
+            self.remove_results(prefix.into_iter().collect()).await?;
+        }
+        Ok(done)
+    }
+
+    /// Marks it cancelled, as somebody asked. False: the lease was lost.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn finish_cancelled(&self, lease: &Lease) -> Result<bool> {
+        self.0.catalog.finish_cancelled(lease).await
+    }
+
+    /// Queues it again, not before that time (Unix ms); the fault stands on the row until it ends.
+    /// The caller has checked that attempts are left. If somebody asked to cancel it, it is
+    /// cancelled instead. False: the lease was lost.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn retry(&self, lease: &Lease, not_before_ms: i64, fault: &Fault) -> Result<bool> {
+        self.0.catalog.retry(lease, not_before_ms, fault).await
+    }
+
+    /// Gives it back as if it had not been claimed (shutting down). False: the lease was lost.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn release(&self, lease: &Lease) -> Result<bool> {
+        self.0.catalog.release(lease).await
+    }
+
+    /// Cancels: a queued one at once, a running one at its next heartbeat, a final one not at all.
+    /// Returns it as it is then.
+    ///
+    /// # Errors
+    /// No such reconstruction.
+    pub async fn cancel(&self, id: ReconstructionId) -> Result<ReconstructionRecord> {
+        self.0.catalog.cancel(id).await
+    }
+
+    /// Queues again what lost its worker; one without attempts left has failed with `worker_died`,
+    /// one that was to be cancelled is cancelled. Returns those that changed, as they are now.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn reclaim(&self, which: Reclaim, max_attempts: u32) -> Result<Vec<ReconstructionRecord>> {
+        self.0.catalog.reclaim(which, max_attempts).await
+    }
+
+    /// When the next queued reconstruction may be claimed, Unix ms; `None` if none is queued.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn next_claim_ms(&self) -> Result<Option<i64>> {
+        self.0.catalog.next_claim_ms().await
+    }
+
+    /// How many reconstructions are queued.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn queued(&self) -> Result<u64> {
+        self.0.catalog.queued().await
+    }
+
+    /// Makes the files of a result durable. Each lease writes to a place of its own: one that was
+    /// lost can't touch what its successor wrote.
+    async fn write_result(&self, lease: &Lease, files: Vec<(String, Vec<u8>)>) -> Result<String> {
+        let prefix = format!("results/{}/{}", lease.id, lease.fence);
+        let (store, folder) = (Arc::clone(&self.0.blobs), prefix.clone());
+        blocking(move || {
+            for (name, bytes) in files {
+                blobs::put(&*store, &format!("{folder}/{name}"), &bytes)?;
+            }
+            Ok(())
+        })
+        .await?;
+        Ok(prefix)
+    }
+}
