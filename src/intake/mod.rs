@@ -5,20 +5,27 @@
 //! moves it to its place among the blobs, syncs the folder and enters it in the catalog, all
 //! before it returns. Only then may anybody acknowledge it.
 
+mod completeness;
+mod duplicate;
+mod examination;
+mod receipt;
 mod spool;
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
-use tokio::sync::Notify;
-use tokio_util::sync::CancellationToken;
+use tokio::sync::{Notify, Semaphore};
 use uuid::Uuid;
 
 use crate::config::Config;
 use crate::dicom::header::InstanceHeader;
-use crate::dicom::uid::{SeriesInstanceUid, SopClassUid, SopInstanceUid};
-use crate::error::Result;
-use crate::store::{CompleteReason, ReconstructionId, Store};
-use crate::telemetry::Metrics;
+use crate::dicom::scan::Limits;
+use crate::dicom::series;
+use crate::dicom::uid::{SopClassUid, SopInstanceUid};
+use crate::error::{Error, Result};
+use crate::store::{Policy, Store};
+use crate::telemetry::{Metrics, SenderKind};
 
 pub use crate::dicom::scan::Encoding;
 pub use spool::Spool;
@@ -62,21 +69,74 @@ pub struct Receipt {
     pub duplicate: bool,
 }
 
+impl Sender {
+    /// Our id of the association or upload.
+    #[must_use]
+    pub fn id(&self) -> Uuid {
+        match self {
+            Self::Association { id, .. } | Self::Upload { id } => *id,
+        }
+    }
+
+    fn kind(&self) -> SenderKind {
+        match self {
+            Self::Association { .. } => SenderKind::Association,
+            Self::Upload { .. } => SenderKind::Upload,
+        }
+    }
+}
+
 /// The one way in. Cheap to clone.
 #[derive(Debug, Clone)]
-pub struct Intake {}
+pub struct Intake {
+    shared: Arc<Shared>,
+}
 
-#[expect(unused_variables, clippy::unused_async, reason = "the bodies follow")]
+#[derive(Debug)]
+struct Shared {
+    store: Store,
+    metrics: Arc<Metrics>,
+    /// Told that a reconstruction was queued.
+    wake: Arc<Notify>,
+    /// Told that a deadline may have come nearer.
+    timers: Notify,
+    shut: AtomicBool,
+    comparisons: Semaphore,
+    policy: Policy,
+    scan_limits: Limits,
+    max_instance_bytes: u64,
+}
+
 impl Intake {
     /// `wake` is told whenever a reconstruction was queued.
     #[must_use]
     pub fn new(store: Store, config: &Config, metrics: Arc<Metrics>, wake: Arc<Notify>) -> Self {
-        todo!()
+        let policy = Policy {
+            max_series_instances: config.intake.max_series_instances,
+            quiet_ms: milliseconds(config.intake.quiet),
+            quiet_after_association_ms: milliseconds(config.intake.quiet_after_association),
+            parameters: config.pipeline.clone(),
+            max_queued: config.jobs.max_queued,
+            min_slices: config.intake.min_slices,
+            unfit: series::unfit,
+        };
+        let shared = Shared {
+            store,
+            metrics,
+            wake,
+            timers: Notify::new(),
+            shut: AtomicBool::new(false),
+            comparisons: Semaphore::new(1),
+            policy,
+            scan_limits: Limits { max_inflated_bytes: config.intake.max_inflated_bytes, ..Limits::default() },
+            max_instance_bytes: config.intake.max_instance_bytes,
+        };
+        Self { shared: Arc::new(shared) }
     }
 
     /// From now on [`Intake::begin`] refuses with `ShuttingDown`; what has begun may end.
     pub fn shut(&self) {
-        todo!()
+        self.shared.shut.store(true, Ordering::Relaxed);
     }
 
     /// Room for one instance.
@@ -84,51 +144,48 @@ impl Intake {
     /// # Errors
     /// Before any byte: the disk is below its watermark, the service is shutting down.
     pub async fn begin(&self) -> Result<Spool> {
-        todo!()
+        if self.shared.shut.load(Ordering::Relaxed) {
+            return Err(Error::ShuttingDown);
+        }
+        if !self.shared.store.has_room()? {
+            return Err(Error::OutOfStorage);
+        }
+        Ok(Spool::new(self.shared.store.clone(), self.shared.max_instance_bytes))
     }
 
     /// Makes the instance durable: when this returns `Ok`, its bytes, its directory entry and its
     /// catalog row survive a power cut. It was counted and logged here, whatever the outcome.
     ///
     /// # Errors
-    /// Every refusal of an instance in [`crate::error::Error`]; nothing is kept then.
+    /// Every refusal of an instance in [`Error`]; nothing is kept then.
     pub async fn store(&self, spool: Spool, announced: Announced) -> Result<Receipt> {
-        todo!()
+        let kind = announced.sender.kind();
+        let intake = self.clone();
+        // A task of its own: it runs to its end even if the caller's connection is gone by then.
+        let received = tokio::spawn(async move { intake.receive(spool, announced).await });
+        let received = received.await.map_err(Error::internal).flatten();
+        let outcome = match &received {
+            Ok(Receipt { duplicate: true, .. }) => "duplicate",
+            Ok(_) => "stored",
+            Err(error) => error.mapping().code,
+        };
+        self.shared.metrics.instance_received(kind, outcome);
+        match &received {
+            Ok(Receipt { header, duplicate }) => {
+                let (series, instance) = (&header.series_instance_uid, &header.sop_instance_uid);
+                tracing::debug!(%series, %instance, duplicate, sender = kind.name(), "instance stored");
+            }
+            Err(Error::Internal(cause)) => {
+                tracing::error!(%cause, sender = kind.name(), "an instance can't be stored");
+            }
+            Err(error) => {
+                tracing::warn!(code = outcome, detail = %error, sender = kind.name(), "instance refused");
+            }
+        }
+        received
     }
+}
 
-    /// The sender will send nothing more: its series are complete after the short quiet time,
-    /// unless others still send them.
-    pub async fn association_ended(&self, sender: Uuid) -> Result<()> {
-        todo!()
-    }
-
-    /// The upload was received whole. Completes its series (those of which an expected number is
-    /// known and not reached are left to wait) and returns all of them.
-    pub async fn upload_ended(&self, sender: Uuid) -> Result<Vec<SeriesInstanceUid>> {
-        todo!()
-    }
-
-    /// Completes a series now. Returns its reconstruction with the configured parameters; `None`
-    /// if it can't be reconstructed. One that is complete already is left as it is.
-    ///
-    /// # Errors
-    /// No such series; a full queue.
-    pub async fn complete(
-        &self,
-        series: &SeriesInstanceUid,
-        reason: CompleteReason,
-    ) -> Result<Option<ReconstructionId>> {
-        todo!()
-    }
-
-    /// So many instances make the series whole; may be said before its first instance.
-    pub async fn expect(&self, series: &SeriesInstanceUid, instances: u64) -> Result<()> {
-        todo!()
-    }
-
-    /// Completes series whose quiet time has passed, until `shutdown`. The deadlines are rows:
-    /// those of a former process fire too.
-    pub async fn run_timers(&self, shutdown: CancellationToken) {
-        todo!()
-    }
+fn milliseconds(duration: Duration) -> i64 {
+    i64::try_from(duration.as_millis()).unwrap_or(i64::MAX / 2)
 }

@@ -39,6 +39,7 @@ pub(crate) use catalog::{Added, Completion, End, NewInstance, Policy, now_ms};
 pub use open::OpenError;
 pub use queue::{Claim, Fault, Heartbeat, Lease, Outcome, Reclaim};
 pub use reading::StoredInstances;
+pub(crate) use receiving::Staged;
 pub use records::{
     CompleteReason, InstanceRecord, Page, ReconstructionFilter, ReconstructionId, ReconstructionRecord,
     ReconstructionState, Refused, SeriesFilter, SeriesRecord, SeriesState, UnfitReason,

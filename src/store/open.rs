@@ -6,7 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::blobs::{Blobs, Files};
+use super::blobs::Files;
 use super::catalog::{Catalog, SchemaError};
 use super::{Inner, Store, blocking};
 use crate::config;

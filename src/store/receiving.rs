@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use sha2::{Digest as _, Sha256};
+use tempfile::NamedTempFile;
 use uuid::Uuid;
 
 use super::catalog::{Added, Catalog, NewInstance, Policy};
@@ -15,6 +16,15 @@ use crate::error::Result;
 
 /// Bytes copied at a time.
 const CHUNK: usize = 1 << 16;
+
+/// An instance in a temporary file, not durable yet.
+#[derive(Debug)]
+pub(crate) struct Staged {
+    pub(crate) header: InstanceHeader,
+    pub(crate) data_set_sha256: [u8; 32],
+    file: NamedTempFile,
+    size: u64,
+}
 
 impl Store {
     /// The rows behind grouping and completeness.
@@ -27,14 +37,13 @@ impl Store {
         &self.0.incoming
     }
 
-    /// Makes an instance durable as a blob: `file_meta` and then `data_set`, untouched. It counts
-    /// only with a row: see [`Store::enter`]. Blocks.
-    pub(crate) fn write_instance(
+    /// Writes `file_meta` and then `data_set`, untouched, to a temporary file. Blocks.
+    pub(crate) fn stage(
         &self,
         header: InstanceHeader,
         file_meta: &[u8],
         mut data_set: impl Read,
-    ) -> io::Result<NewInstance> {
+    ) -> io::Result<Staged> {
         let mut file = self.0.blobs.temporary()?;
         file.write_all(file_meta)?;
         let mut hash = Sha256::new();
@@ -51,30 +60,40 @@ impl Store {
             file.write_all(read)?;
             size += read.len() as u64;
         }
+        Ok(Staged { header, file, size, data_set_sha256: hash.finalize().into() })
+    }
+
+    /// Makes a staged instance durable as a blob. It counts only with a row: see [`Store::enter`].
+    /// Blocks.
+    pub(crate) fn keep(&self, staged: Staged) -> io::Result<NewInstance> {
+        let Staged { header, file, size, data_set_sha256 } = staged;
         // A name that nobody else writes: whoever loses a race removes its own file only.
         let unique = Uuid::new_v4();
         let folder = unique.as_bytes()[0];
         let blob = format!("instances/{folder:02x}/{}.{}.dcm", header.sop_instance_uid, unique.simple());
         self.0.blobs.adopt(file, &blob)?;
-        Ok(NewInstance { header, blob, size, data_set_sha256: hash.finalize().into() })
+        Ok(NewInstance { header, blob, size, data_set_sha256 })
     }
 
-    /// Gives a durable instance its row. If that is refused, or there is one with its UID, its blob
-    /// is removed again.
+    /// Gives a durable instance its row. If that is refused its blob is removed; if there is a row
+    /// with its UID, the caller compares the two and then calls [`Store::discard`].
     pub(crate) async fn enter(&self, new: &NewInstance, sender: Uuid, policy: &Policy) -> Result<Added> {
         let added = self.0.catalog.add_instance(new, sender, policy).await;
-        if matches!(added, Ok(Added::New(_))) {
-            return added;
-        }
-        // After a failed commit it is the catalog that knows whether the row is there. If that
-        // can't be asked, the blob stays; without a row it is removed at the next start.
-        let uid = &new.header.sop_instance_uid;
-        let named = self.0.catalog.instance(uid).await.map(|row| row.is_some_and(|row| row.blob == new.blob));
-        if let Ok(false) = named {
-            let (blobs, key) = (Arc::clone(&self.0.blobs), new.blob.clone());
-            blocking(move || Ok(blobs.remove(&key)?)).await?;
+        if added.is_err() {
+            // After a failed commit only the catalog knows whether the row is there. If it can't be
+            // asked, the blob stays; without a row it is removed at the next start.
+            let row = self.0.catalog.instance(&new.header.sop_instance_uid).await;
+            if row.is_ok_and(|row| row.is_none_or(|row| row.blob != new.blob)) {
+                self.discard(new).await?;
+            }
         }
         added
+    }
+
+    /// Removes the blob of an instance that has no row.
+    pub(crate) async fn discard(&self, new: &NewInstance) -> Result<()> {
+        let (blobs, key) = (Arc::clone(&self.0.blobs), new.blob.clone());
+        blocking(move || Ok(blobs.remove(&key)?)).await
     }
 
     /// The whole Part 10 file of a stored instance.

@@ -131,10 +131,6 @@ async fn end(
     sqlx::query("UPDATE instances SET revision = $2 WHERE series_uid = $1 AND revision IS NULL")
         .bind(uid.as_str())
         .bind(i64::from(revision))
-        .execute(&mut *connection)
-        .await?;
-    sqlx::query("DELETE FROM open_senders WHERE series_uid = $1")
-        .bind(uid.as_str())
         .execute(connection)
         .await?;
     Ok(end)

@@ -12,7 +12,8 @@ use crate::error::Result;
 use crate::store::records::{CompleteReason, SeriesState};
 
 impl Catalog {
-    /// A duplicate came: the sender is alive, so a series that is still receiving waits on.
+    /// A duplicate came: the sender is alive, so a series that is still receiving waits on. One
+    /// that is complete stays so.
     pub(crate) async fn heard_again(
         &self,
         uid: &SeriesInstanceUid,
@@ -20,9 +21,7 @@ impl Catalog {
         policy: &Policy,
     ) -> Result<()> {
         let mut tx = self.begin().await?;
-        if series::one(&mut tx, uid).await?.is_some_and(|series| series.state == SeriesState::Receiving) {
-            heard(&mut tx, uid, sender, &self.process, now_ms() + policy.quiet_ms).await?;
-        }
+        heard(&mut tx, uid, sender, &self.process, now_ms() + policy.quiet_ms).await?;
         Ok(tx.commit().await?)
     }
 
@@ -178,19 +177,21 @@ pub(super) async fn heard(
     set_due(connection, uid, due_ms, CompleteReason::Quiet).await
 }
 
-/// Sets a series' deadline.
+/// Sets the deadline of a series that is receiving.
 pub(super) async fn set_due(
     connection: &mut Connection,
     uid: &SeriesInstanceUid,
     due_ms: i64,
     reason: CompleteReason,
 ) -> Result<()> {
-    sqlx::query("UPDATE series SET due_ms = $2, due_reason = $3 WHERE series_uid = $1")
-        .bind(uid.as_str())
-        .bind(due_ms)
-        .bind(reason.name())
-        .execute(connection)
-        .await?;
+    sqlx::query(
+        "UPDATE series SET due_ms = $2, due_reason = $3 WHERE series_uid = $1 AND state = 'receiving'",
+    )
+    .bind(uid.as_str())
+    .bind(due_ms)
+    .bind(reason.name())
+    .execute(connection)
+    .await?;
     Ok(())
 }
 

@@ -1,0 +1,39 @@
+//! An instance whose UID is stored already: the same again, or another one?
+
+use super::Intake;
+use crate::dicom::content_digest;
+use crate::error::{Error, Result};
+use crate::store::{InstanceRecord, NewInstance, blocking};
+
+impl Intake {
+    /// The same data set, or the same pixels and geometry in another transfer syntax.
+    ///
+    /// # Errors
+    /// It is another one, or belongs to another series or study.
+    pub(super) async fn check_same(&self, stored: &InstanceRecord, new: &NewInstance) -> Result<()> {
+        let (there, here) = (&stored.header, &new.header);
+        let uid = &here.sop_instance_uid;
+        if there.series_instance_uid != here.series_instance_uid
+            || there.study_instance_uid != here.study_instance_uid
+        {
+            return Err(Error::ConflictingSeries(uid.clone()));
+        }
+        if there.transfer_syntax_uid == here.transfer_syntax_uid
+            && stored.data_set_sha256 == new.data_set_sha256
+        {
+            return Ok(());
+        }
+        // Both are decoded whole: one pair at a time.
+        let _permit = self.shared.comparisons.acquire().await.map_err(Error::internal)?;
+        let former = self.shared.store.instance_bytes(&stored.blob).await?;
+        let latter = self.shared.store.instance_bytes(&new.blob).await?;
+        let limits = self.shared.scan_limits;
+        let same = blocking(move || {
+            // What can't be decoded is not known to be the same.
+            let digests = (content_digest(&former, &limits), content_digest(&latter, &limits));
+            Ok(matches!(digests, (Ok(former), Ok(latter)) if former == latter))
+        })
+        .await?;
+        if same { Ok(()) } else { Err(Error::ConflictingInstance(uid.clone())) }
+    }
+}

@@ -1,0 +1,96 @@
+//! From spooled bytes to a durable instance, or to a reason why not.
+
+use std::io::{Seek as _, SeekFrom};
+
+use super::examination::{accept_class, examine};
+use super::spool::Reader;
+use super::{Announced, Intake, Receipt, Spool};
+use crate::dicom::header::InstanceHeader;
+use crate::dicom::part10;
+use crate::dicom::scan::Scan;
+use crate::error::{Error, Result};
+use crate::store::{Added, Staged, blocking};
+
+impl Intake {
+    /// The whole way of one instance.
+    pub(super) async fn receive(&self, spool: Spool, announced: Announced) -> Result<Receipt> {
+        let mut reader = spool.finish().await?;
+        let limits = self.shared.scan_limits;
+        let (scan, reader, announced) = blocking(move || {
+            let scan = examine(&mut *reader, &announced, &limits)?;
+            Ok((scan, reader, announced))
+        })
+        .await?;
+        let header = scan.header.clone();
+        let kept = self.keep(scan, reader, &announced).await;
+        if let Err(error) = &kept {
+            self.record_refusal(&header, error).await;
+        }
+        kept
+    }
+
+    async fn keep(&self, scan: Scan, reader: Box<dyn Reader>, announced: &Announced) -> Result<Receipt> {
+        accept_class(&scan)?;
+        let staged = self.stage(scan, reader).await?;
+        let header = staged.header.clone();
+        let (store, policy, sender) = (&self.shared.store, &self.shared.policy, announced.sender.id());
+
+        let known = store.instance(&header.sop_instance_uid).await?;
+        if known
+            .is_some_and(|stored| stored.header == header && stored.data_set_sha256 == staged.data_set_sha256)
+        {
+            // What is stored is durable: nothing needs to be written.
+            store.catalog().heard_again(&header.series_instance_uid, sender, policy).await?;
+            return Ok(Receipt { header, duplicate: true });
+        }
+
+        let keeper = store.clone();
+        let new = blocking(move || Ok(keeper.keep(staged)?)).await?;
+        match store.enter(&new, sender, policy).await? {
+            Added::New(completion) => {
+                self.shared.metrics.bytes_stored(new.size);
+                if let Some(completion) = completion {
+                    self.note_completion(&header.series_instance_uid, &completion);
+                }
+                self.shared.timers.notify_one();
+                Ok(Receipt { header, duplicate: false })
+            }
+            Added::Exists(stored) => {
+                let same = self.check_same(&stored, &new).await;
+                store.discard(&new).await?;
+                same?;
+                store.catalog().heard_again(&header.series_instance_uid, sender, policy).await?;
+                Ok(Receipt { header, duplicate: true })
+            }
+        }
+    }
+
+    /// Our file header and the data set as it came, in one file.
+    async fn stage(&self, scan: Scan, mut reader: Box<dyn Reader>) -> Result<Staged> {
+        let store = self.shared.store.clone();
+        blocking(move || {
+            let Scan { header, data_set_offset, .. } = scan;
+            let file_meta = part10::file_meta(
+                &header.sop_class_uid,
+                &header.sop_instance_uid,
+                &header.transfer_syntax_uid,
+            );
+            reader.seek(SeekFrom::Start(data_set_offset))?;
+            Ok(store.stage(header, &file_meta, reader)?)
+        })
+        .await
+    }
+
+    /// A refusal of an instance whose header could be read stands in its series' reports. Passing
+    /// faults of ours don't: the sender will try again.
+    async fn record_refusal(&self, header: &InstanceHeader, error: &Error) {
+        if matches!(error, Error::Internal(_) | Error::OutOfStorage | Error::Busy(_) | Error::ShuttingDown) {
+            return;
+        }
+        let (series, instance, code) =
+            (&header.series_instance_uid, &header.sop_instance_uid, error.mapping().code);
+        if let Err(error) = self.shared.store.catalog().add_refused(series, instance, code).await {
+            tracing::error!(%series, %instance, code, cause = ?error, "a refusal can't be recorded");
+        }
+    }
+}
