@@ -53,13 +53,13 @@ impl Phantom {
     /// coarser beyond. Where the scan cuts the neck there is no skin.
     #[must_use]
     pub fn signed_distance(&self, lps: Vec3) -> f64 {
-        self.head.signed_distance(self.pose.to_head(lps))
+        self.head.skin(self.pose.to_head(lps)).0
     }
 
     /// The true skin's outward unit normal next to a point in LPS mm.
     #[must_use]
     pub fn normal(&self, lps: Vec3) -> Vec3 {
-        self.pose.direction_to_lps(self.head.normal(self.pose.to_head(lps)))
+        self.pose.direction_to_lps(self.head.skin(self.pose.to_head(lps)).1)
     }
 
     /// Points on the true skin inside the scanned region, LPS mm, about one for each square of

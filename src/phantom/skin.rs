@@ -3,77 +3,79 @@
 use rayon::prelude::*;
 
 use super::anatomy::{Head, Pose};
-use crate::geometry::{Grid, Vec3, cross, dot, norm, sub};
+use crate::geometry::{Grid, Vec3, add, cross, dot, scale, sub};
 
-/// Half the edge of the cube around the origin that holds every head in every pose, mm, and the
-/// neck as far as anybody scans it.
-const REACH: f64 = 320.0;
-
-/// Projects the centre of each cell of a lattice that the skin crosses onto the skin.
+/// Projects the centre of each cell of a lattice that the skin crosses onto the skin. The lattice
+/// stands in LPS.
 pub(super) fn points(head: &Head, pose: &Pose, grid: &Grid, spacing: f64) -> Vec<Vec3> {
+    let scan = Scan::new(grid);
+    let (low, high) = scan.bounds();
     #[expect(clippy::cast_possible_truncation)]
-    let cells = (REACH / spacing).ceil() as i64;
-    let inside = Inside::new(grid);
+    let first = low.map(|c| (c / spacing).floor() as i64);
+    #[expect(clippy::cast_possible_truncation)]
+    let last = high.map(|c| (c / spacing).ceil() as i64);
     #[expect(clippy::cast_precision_loss)]
-    let at = move |i: i64| i as f64 * spacing;
-    let layers: Vec<Vec<Vec3>> = (-cells..cells)
+    let at = move |i: i64, j: i64, k: i64| [i, j, k].map(|index| index as f64 * spacing);
+    let layers: Vec<Vec<Vec3>> = (first[2]..=last[2])
         .into_par_iter()
         .map(|k| {
             let mut found = Vec::new();
-            for j in -cells..cells {
-                let mut i = -cells;
-                while i < cells {
-                    let value = head.value([at(i), at(j), at(k)]);
-                    if value.abs() < spacing {
-                        found.extend(foot_in_cell(head, [at(i), at(j), at(k)], spacing));
+            for j in first[1]..=last[1] {
+                let mut i = first[0];
+                while i <= last[0] {
+                    let centre = at(i, j, k);
+                    let value = head.value(pose.to_head(centre)).abs();
+                    if value < spacing {
+                        found.extend(foot_in_cell(head, pose, centre, spacing));
                     }
-                    // Half of what the surface is away at least can be passed over.
+                    // Half of what the skin is away at least can be passed over.
                     #[expect(clippy::cast_possible_truncation)]
-                    let far = (value.abs() / (2.0 * spacing)) as i64;
+                    let far = (value / (2.0 * spacing)) as i64;
                     i += far.max(1);
                 }
             }
             found
         })
         .collect();
-    let lps = layers.into_iter().flatten().map(|p| pose.direction_to_lps(p));
-    lps.filter(|&p| inside.contains(p)).collect()
+    layers.into_iter().flatten().filter(|&p| scan.contains(p)).collect()
 }
 
 /// The skin next to a cell's centre, if it is in that cell.
-fn foot_in_cell(head: &Head, centre: Vec3, spacing: f64) -> Option<Vec3> {
-    let foot = head.foot(centre);
-    let within = (0..3).all(|i| {
-        let offset = foot[i] - centre[i];
-        -spacing / 2.0 <= offset && offset < spacing / 2.0
-    });
-    (within && head.value(foot).abs() < 1e-3).then_some(foot)
+fn foot_in_cell(head: &Head, pose: &Pose, centre: Vec3, spacing: f64) -> Option<Vec3> {
+    let foot = head.foot(pose.to_head(centre));
+    let lps = pose.direction_to_lps(foot);
+    let within = sub(lps, centre).iter().all(|offset| (-spacing / 2.0..spacing / 2.0).contains(offset));
+    (within && head.value(foot).abs() < 1e-3).then_some(lps)
 }
 
 /// The parallelepiped of the scan's voxel centres.
-struct Inside {
+struct Scan {
     origin: Vec3,
-    /// For each axis: normal of its two faces, scaled so that the far one is at 1.
-    faces: [Vec3; 3],
+    edges: [Vec3; 3],
 }
 
-impl Inside {
+impl Scan {
     #[expect(clippy::cast_precision_loss)]
     fn new(grid: &Grid) -> Self {
-        let shape = grid.shape();
-        let edge = |axis: usize| grid.step()[axis].map(|c| c * (shape[axis] - 1) as f64);
-        let edges = [edge(0), edge(1), edge(2)];
-        let faces = [0, 1, 2].map(|axis| {
-            let normal = cross(edges[(axis + 1) % 3], edges[(axis + 2) % 3]);
-            let along = dot(normal, edges[axis]);
-            debug_assert!(norm(normal) > 0.0, "a scan has a volume");
-            normal.map(|c| c / along)
-        });
-        Self { origin: grid.lps([0; 3]), faces }
+        let edges = [0, 1, 2].map(|axis| scale(grid.step()[axis], (grid.shape()[axis] - 1) as f64));
+        Self { origin: grid.lps([0; 3]), edges }
+    }
+
+    /// Its smallest and largest x, y and z.
+    fn bounds(&self) -> (Vec3, Vec3) {
+        let (mut low, mut high) = (self.origin, self.origin);
+        for edge in self.edges {
+            low = add(low, edge.map(|c| c.min(0.0)));
+            high = add(high, edge.map(|c| c.max(0.0)));
+        }
+        (low, high)
     }
 
     fn contains(&self, p: Vec3) -> bool {
         let from = sub(p, self.origin);
-        self.faces.iter().all(|face| (0.0..=1.0).contains(&dot(*face, from)))
+        (0..3).all(|axis| {
+            let normal = cross(self.edges[(axis + 1) % 3], self.edges[(axis + 2) % 3]);
+            (0.0..=1.0).contains(&(dot(normal, from) / dot(normal, self.edges[axis])))
+        })
     }
 }

@@ -18,10 +18,10 @@ use crate::geometry::Frame;
 pub enum Format {
     /// PLY 1.0, binary little endian: x y z float, planes uchar, unique uchar.
     #[default]
-    #[serde(rename = "ply")]
+    #[serde(rename = "ply_binary")]
     PlyBinary,
     /// PLY 1.0, text; the floats read back to the same bits.
-    #[serde(rename = "ply-ascii")]
+    #[serde(rename = "ply_ascii")]
     PlyAscii,
     /// PCD 0.7, binary: x y z F4, planes U1, unique U1.
     #[serde(rename = "pcd")]
@@ -47,14 +47,14 @@ struct Row {
 const ALL_ROWS: [Row; 5] = [
     Row {
         format: Format::PlyBinary,
-        name: "ply",
+        name: "ply_binary",
         media_type: "application/x-ply",
         extension: "ply",
         encode: ply::encode_binary,
     },
     Row {
         format: Format::PlyAscii,
-        name: "ply-ascii",
+        name: "ply_ascii",
         media_type: "text/x-ply",
         extension: "ply",
         encode: ply::encode_ascii,
@@ -84,7 +84,7 @@ const ALL_ROWS: [Row; 5] = [
 
 /// A name that is no format's.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("no cloud format is called {0:?}; there are ply, ply-ascii, pcd, raw and npy")]
+#[error("no cloud format is called {0:?}; there are ply_binary, ply_ascii, pcd, raw and npy")]
 pub struct UnknownFormat(pub String);
 
 impl Format {
@@ -95,7 +95,7 @@ impl Format {
         &ALL_ROWS[self as usize]
     }
 
-    /// The one name in API and command line: `ply`, `ply-ascii`, `pcd`, `raw` or `npy`.
+    /// The one name in API and command line: `ply_binary`, `ply_ascii`, `pcd`, `raw` or `npy`.
     #[must_use]
     pub fn name(self) -> &'static str {
         self.row().name

@@ -5,10 +5,11 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 
 use super::blend::{capsule, ellipsoid, hollow, join};
-use crate::geometry::{Vec3, norm, scale};
+use crate::geometry::{Vec3, norm, scale, sub};
 
-/// Step of the numeric gradient, mm.
-const STEP: f64 = 0.02;
+/// Step of the numeric gradient, mm: small against the sharpest bend of the skin (2 mm), large
+/// against the arithmetic's rounding.
+const STEP: f64 = 0.001;
 
 /// The proportions of one head.
 #[derive(Debug, Clone)]
@@ -66,9 +67,10 @@ impl Head {
     /// A plate that stands off backwards, hollowed on its outer side.
     fn left_ear(&self, [x, y, z]: Vec3) -> f64 {
         let (sin, cos) = self.ear_angle;
-        let (dx, dy) = (x - self.cranium[0], y - 6.0);
-        let q = [dx * cos - dy * sin, dx * sin + dy * cos, z + 23.0];
-        let plate = ellipsoid(q, [0.0, 7.0, 0.0], [3.4, 15.0, 27.0].map(|r| r * self.ear));
+        let (dx, dy) = (x - 0.94 * self.cranium[0], y - 4.0);
+        let q = [dx * cos - dy * sin, dx * sin + dy * cos, z + 20.0];
+        let ear = self.ear;
+        let plate = ellipsoid(q, [0.0, 7.0, 0.0], [3.4 * ear, 15.0 * ear, 24.0 * ear]);
         hollow(plate, ellipsoid(q, [4.2, 5.0, -3.0], [3.6, 8.0, 11.0]), 2.0)
     }
 
@@ -77,34 +79,30 @@ impl Head {
         0.7 * wave(0, 0.052) * wave(1, 0.047) * wave(2, 0.058)
     }
 
-    /// The gradient of [`Head::value`].
-    fn gradient(&self, p: Vec3) -> Vec3 {
-        [0, 1, 2].map(|i| {
-            let (mut before, mut after) = (p, p);
-            before[i] -= STEP;
+    /// [`Head::value`] and its gradient.
+    fn value_and_gradient(&self, p: Vec3) -> (f64, Vec3) {
+        let value = self.value(p);
+        let gradient = [0, 1, 2].map(|i| {
+            let mut after = p;
             after[i] += STEP;
-            (self.value(after) - self.value(before)) / (2.0 * STEP)
-        })
+            (self.value(after) - value) / STEP
+        });
+        (value, gradient)
     }
 
-    /// mm to the skin, to first order.
-    pub(in crate::phantom) fn signed_distance(&self, p: Vec3) -> f64 {
-        self.value(p) / norm(self.gradient(p)).max(1e-9)
-    }
-
-    /// The outward unit normal.
-    pub(in crate::phantom) fn normal(&self, p: Vec3) -> Vec3 {
-        let gradient = self.gradient(p);
-        scale(gradient, 1.0 / norm(gradient).max(1e-9))
+    /// mm to the skin, to first order, and the outward unit normal.
+    pub(in crate::phantom) fn skin(&self, p: Vec3) -> (f64, Vec3) {
+        let (value, gradient) = self.value_and_gradient(p);
+        let per_mm = 1.0 / norm(gradient).max(1e-9);
+        (value * per_mm, scale(gradient, per_mm))
     }
 
     /// The point of the skin that Newton's steps reach from `p`.
     pub(in crate::phantom) fn foot(&self, mut p: Vec3) -> Vec3 {
         for _ in 0..5 {
-            let gradient = self.gradient(p);
+            let (value, gradient) = self.value_and_gradient(p);
             let square = gradient.iter().map(|g| g * g).sum::<f64>().max(1e-9);
-            let step = self.value(p) / square;
-            p = [0, 1, 2].map(|i| p[i] - step * gradient[i]);
+            p = sub(p, scale(gradient, value / square));
         }
         p
     }
@@ -114,6 +112,7 @@ impl Head {
 fn neck([x, y, z]: Vec3) -> f64 {
     let radius = 55.0;
     let dy = y - 19.0 - 0.10 * (z + 60.0);
-    let side = ((x / 56.0).powi(2) + (dy / 54.0).powi(2)).sqrt() * radius - radius;
+    let (u, v) = (x / 56.0, dy / 54.0);
+    let side = (u * u + v * v).sqrt() * radius - radius;
     side.max(z + 44.0)
 }

@@ -35,19 +35,25 @@ impl Head {
         let radii = self.cranium.map(|r| r - SCALP);
         let base = 0.35 * (y + 20.0) - z - 60.0;
         let s = ellipsoid([x / (1.0 + 0.0006 * y), y, z], [0.0; 3], radii).max(base);
-        let ventricle = ellipsoid([x.abs(), y, z], [12.0, 5.0, 12.0], [8.0, 28.0, 12.0]);
         match s {
             s if s > 0.0 => None,
             s if s > -1.8 || (-6.2..-4.4).contains(&s) => Some(1150.0),
             s if s > -4.4 => Some(550.0),
-            _ if ventricle < 0.0 => Some(6.0),
-            _ => Some(37.0),
+            _ => Some(if in_ventricle(p) { 6.0 } else { 37.0 }),
         }
     }
 }
 
+fn in_ventricle([x, y, z]: Vec3) -> bool {
+    ellipsoid([x.abs(), y, z], [12.0, 5.0, 12.0], [8.0, 28.0, 12.0]) < 0.0
+}
+
 /// Sinuses and airway.
 fn cavity(p: Vec3) -> Option<f64> {
+    // Most of the head is behind or above all of them.
+    if p[2] > 16.0 || p[1] > -12.0 || p[0].abs() > 37.0 {
+        return None;
+    }
     let either = [p[0].abs(), p[1], p[2]];
     let maxillary = ellipsoid(either, [24.0, -58.0, -44.0], [11.0, 14.0, 13.0]);
     let nasal = ellipsoid(either, [6.0, -62.0, -42.0], [4.0, 24.0, 15.0]);
@@ -65,6 +71,9 @@ fn cavity(p: Vec3) -> Option<f64> {
 /// Orbits, cheekbones, jaw and teeth.
 fn facial_bone(p: Vec3) -> Option<f64> {
     let [x, y, z] = p;
+    if y > -4.0 {
+        return None;
+    }
     let either = [x.abs(), y, z];
     let orbit = ellipsoid(either, [30.0, -64.0, -16.0], [16.0, 19.0, 15.0]);
     if orbit < 0.0 {

@@ -18,6 +18,10 @@ const COUCH: (f64, f64) = (106.5, 0.9);
 
 /// About mm to the holder's shell, negative inside it. It runs through all of z.
 pub(super) fn holder([x, y, _]: Vec3) -> f64 {
+    // In front of its ends there is none of it.
+    if y < HOLDER_CENTRE[1] {
+        return f64::INFINITY;
+    }
     let u = (x - HOLDER_CENTRE[0]) / HOLDER_RADII[0];
     let v = (y - HOLDER_CENTRE[1]) / HOLDER_RADII[1];
     let shell = (u.hypot(v) - 1.0).abs() * HOLDER_RADII[0] - HOLDER_HALF;

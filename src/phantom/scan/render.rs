@@ -8,15 +8,16 @@ use super::super::anatomy::{AIR, Head, Pose, SKIN_DEPTH};
 use super::{Frame, equipment, noise};
 use crate::geometry::{Vec3, add, dot, norm, scale};
 
-/// Edge of the blocks of pixels that are looked at together, so that air and brain are cheap.
-const BLOCK: usize = 8;
+/// Edges of the blocks of pixels that are looked at together, so that air and brain are cheap: a
+/// block near the skin is cut into those of the next size.
+const BLOCKS: [usize; 3] = [32, 8, 4];
 
-/// The implicit surface's gradient is below this everywhere near the head: how far the surface
-/// can be from a block's centre is known from the value there.
-const STEEPEST: f64 = 2.0;
+/// The implicit surface's gradient stays below this: how near the surface can be to a place is
+/// known from the value there.
+const STEEPEST: f64 = 1.5;
 
-/// Blur beyond so many standard deviations is nothing.
-const REACH: f64 = 4.0;
+/// Beyond so many standard deviations the blur is a HU or less.
+const REACH: f64 = 3.1;
 
 /// Hounsfield units, `[[z, y, x]]` as in [`crate::dicom::Volume`].
 pub(in crate::phantom) fn voxels(options: &Options, head: &Head, pose: &Pose) -> Array3<i16> {
@@ -55,26 +56,36 @@ impl<'a> Scanner<'a> {
     /// One slice without noise.
     #[expect(clippy::cast_possible_truncation)]
     fn slice(&self, z: usize) -> Vec<f32> {
-        let Options { rows, columns, .. } = *self.options;
-        let mut image = vec![AIR as f32; rows * columns];
-        for y0 in (0..rows).step_by(BLOCK) {
-            for x0 in (0..columns).step_by(BLOCK) {
-                let (y1, x1) = ((y0 + BLOCK).min(rows), (x0 + BLOCK).min(columns));
-                let region = self.region([z, y0, x0], [z, y1 - 1, x1 - 1]);
-                for y in y0..y1 {
-                    for x in x0..x1 {
-                        let lps = self.frame.lps([z, y, x]);
-                        let hu = match region {
-                            Region::Outside => self.around(lps),
-                            Region::Inside => self.head.tissue(self.pose.to_head(lps), f64::INFINITY),
-                            Region::Skin => self.near_skin(lps),
-                        };
-                        image[y * columns + x] = hu as f32;
+        let mut image = vec![AIR as f32; self.options.rows * self.options.columns];
+        self.fill(&mut image, z, [0, 0], [self.options.rows, self.options.columns], &BLOCKS);
+        image
+    }
+
+    /// Measures the pixels from `first` to before `end` (row, column), in blocks.
+    #[expect(clippy::cast_possible_truncation)]
+    fn fill(&self, image: &mut [f32], z: usize, first: [usize; 2], end: [usize; 2], blocks: &[usize]) {
+        let Some((&edge, smaller)) = blocks.split_first() else {
+            for (y, x) in pixels(first, end) {
+                image[y * self.options.columns + x] = self.near_skin(self.frame.lps([z, y, x])) as f32;
+            }
+            return;
+        };
+        for y0 in (first[0]..end[0]).step_by(edge) {
+            for x0 in (first[1]..end[1]).step_by(edge) {
+                let (y1, x1) = ((y0 + edge).min(end[0]), (x0 + edge).min(end[1]));
+                let of_lps: &dyn Fn(Vec3) -> f64 = match self.region([z, y0, x0], [z, y1 - 1, x1 - 1]) {
+                    Region::Skin => {
+                        self.fill(image, z, [y0, x0], [y1, x1], smaller);
+                        continue;
                     }
+                    Region::Outside => &|lps| self.around(lps),
+                    Region::Inside => &|lps| self.head.tissue(self.pose.to_head(lps), f64::INFINITY),
+                };
+                for (y, x) in pixels([y0, x0], [y1, x1]) {
+                    image[y * self.options.columns + x] = of_lps(self.frame.lps([z, y, x])) as f32;
                 }
             }
         }
-        image
     }
 
     /// Whether the skin can matter for the pixels between two corners.
@@ -83,10 +94,10 @@ impl<'a> Scanner<'a> {
         let centre = scale(add(a, b), 0.5);
         let radius = norm(crate::geometry::sub(b, a)) / 2.0;
         let value = self.head.value(self.pose.to_head(centre));
-        let reach = STEEPEST * (radius + REACH * self.widest);
-        if value > reach {
+        let blurred = REACH * self.widest;
+        if value > STEEPEST * (radius + blurred) {
             Region::Outside
-        } else if value < -(reach + STEEPEST * SKIN_DEPTH) {
+        } else if value < -STEEPEST * (radius + blurred.max(SKIN_DEPTH)) {
             Region::Inside
         } else {
             Region::Skin
@@ -97,12 +108,16 @@ impl<'a> Scanner<'a> {
     fn near_skin(&self, lps: Vec3) -> f64 {
         let p = self.pose.to_head(lps);
         let value = self.head.value(p);
-        if value > STEEPEST * REACH * self.widest {
+        let blurred = STEEPEST * REACH * self.widest;
+        if value > blurred {
             return self.around(lps);
         }
-        let distance = self.head.signed_distance(p);
-        let normal = self.pose.direction_to_lps(self.head.normal(p));
-        let inside = self.share_inside(distance, normal);
+        if value < -blurred {
+            // The depth of layers inside need not be exact.
+            return self.head.tissue(p, -value);
+        }
+        let (distance, normal) = self.head.skin(p);
+        let inside = self.share_inside(distance, self.pose.direction_to_lps(normal));
         let tissue = self.head.tissue(p, (-distance).max(0.0));
         inside * tissue + (1.0 - inside) * self.around(lps)
     }
@@ -135,7 +150,10 @@ impl<'a> Scanner<'a> {
     }
 }
 
-#[derive(Clone, Copy)]
+fn pixels(first: [usize; 2], end: [usize; 2]) -> impl Iterator<Item = (usize, usize)> {
+    (first[0]..end[0]).flat_map(move |y| (first[1]..end[1]).map(move |x| (y, x)))
+}
+
 enum Region {
     Outside,
     Inside,
@@ -145,5 +163,5 @@ enum Region {
 /// The normal distribution's integral, within 3e-4 and exactly symmetric about 1/2
 /// (Page 1977, Applied Statistics 26, 75).
 fn normal_cdf(t: f64) -> f64 {
-    0.5 * (1.0 + (0.797_884_560_8 * (t + 0.044_715 * t.powi(3))).tanh())
+    0.5 * (1.0 + (0.797_884_560_8 * (t + 0.044_715 * t * t * t)).tanh())
 }
