@@ -1,13 +1,14 @@
 //! Why there is no cloud.
 
-use super::Report;
+use super::{Report, ReportError};
+use crate::dicom::series::SeriesError;
 use crate::dicom::uid::SopInstanceUid;
 
 /// A reconstruction that gave no cloud.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{code}: {detail}")]
 pub struct Failure {
-    /// Stable code, e.g. `empty_cloud`, `missing_slice`, `cancelled`, `unreadable_source`.
+    /// Stable code, e.g. `empty_cloud`, `missing_slice`, `cancelled`.
     pub code: String,
     /// What went wrong and what to do next.
     pub detail: String,
@@ -24,4 +25,34 @@ impl Failure {
     pub const EMPTY_CLOUD: &'static str = "empty_cloud";
     /// The code of a run that its observer stopped.
     pub const CANCELLED: &'static str = "cancelled";
+    /// The code of instances that the storage did not give.
+    pub const UNREADABLE: &'static str = "unreadable";
+
+    pub(super) fn cancelled() -> Self {
+        Self {
+            code: Self::CANCELLED.to_owned(),
+            detail: "the reconstruction was cancelled".to_owned(),
+            instances: Vec::new(),
+            report: None,
+            transient: false,
+        }
+    }
+
+    /// The series is no volume.
+    pub(super) fn from_series(error: SeriesError) -> Self {
+        Self {
+            code: error.code().to_owned(),
+            detail: error.to_string(),
+            instances: error.instances().to_vec(),
+            report: None,
+            transient: error.code() == Self::UNREADABLE,
+        }
+    }
+
+    /// Not a point is left; the report says why.
+    pub(super) fn empty_cloud(detail: String, mut report: Report) -> Self {
+        let code = Self::EMPTY_CLOUD.to_owned();
+        report.error = Some(ReportError { code: code.clone(), detail: detail.clone() });
+        Self { code, detail, instances: Vec::new(), report: Some(Box::new(report)), transient: false }
+    }
 }

@@ -3,11 +3,13 @@
 
 mod failure;
 mod report;
+mod run;
 mod summary;
 mod table;
 
 pub use failure::Failure;
-pub use report::{Identity, RefusedInstance, Report, ReportError, ReportRow, ReportWarning, VolumeSummary};
+pub use report::{Identity, RefusedInstance, Report, ReportError, ReportRow, VolumeSummary};
+pub use run::run;
 pub use summary::PlaneSummary;
 
 use crate::geometry::Plane;

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::PlaneSummary;
 use crate::dicom::Volume;
+use crate::dicom::series::Warning;
 use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
 use crate::geometry::{Axis, Grid, Plane, norm};
 use crate::pipeline::{Figures, Parameters, Reason, SliceRow};
@@ -28,7 +29,7 @@ pub struct Report {
     /// Slices and rejections of each plane: axial, sagittal, coronal.
     pub planes: Vec<PlaneSummary>,
     /// What was unusual about the series and was dealt with.
-    pub warnings: Vec<ReportWarning>,
+    pub warnings: Vec<Warning>,
     /// Instances of the series that the service refused; they are not part of the volume.
     pub refused: Vec<RefusedInstance>,
     /// One row for each slice: axial, then sagittal, then coronal, each by index.
@@ -64,15 +65,6 @@ pub struct VolumeSummary {
     pub step_mm: [f64; 3],
     /// The plane in which the scanner's own slices lie.
     pub acquired: Plane,
-}
-
-/// A warning.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
-pub struct ReportWarning {
-    /// Stable code, e.g. `gantry_tilt`, `variable_spacing`.
-    pub code: String,
-    /// What was found.
-    pub detail: String,
 }
 
 /// An instance of the series that was refused at receipt.

@@ -63,9 +63,11 @@ impl Attributes {
 
     /// As a Part 10 file.
     pub(super) fn into_file(self, class: &str, instance: &SopInstanceUid) -> Vec<u8> {
-        let attributes = self
-            .text(tags::SOP_CLASS_UID, VR::UI, class)
-            .text(tags::SOP_INSTANCE_UID, VR::UI, instance.as_str());
+        let attributes = self.text(tags::SOP_CLASS_UID, VR::UI, class).text(
+            tags::SOP_INSTANCE_UID,
+            VR::UI,
+            instance.as_str(),
+        );
         let meta = FileMetaTableBuilder::new()
             .transfer_syntax(dictionary::EXPLICIT_VR_LITTLE_ENDIAN)
             .media_storage_sop_class_uid(class)

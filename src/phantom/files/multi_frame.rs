@@ -42,13 +42,11 @@ pub(in crate::phantom) fn multi_frame(
 
 /// Frame type, pixel measures, orientation and rescale (PS3.3 C.8.15.3.1, C.7.6.16.2.1, .2.4, .2.9).
 fn shared_groups(layout: &Layout<'_>) -> Attributes {
-    let frame_type =
-        Attributes::default().text(tags::FRAME_TYPE, VR::CS, "ORIGINAL\\PRIMARY\\VOLUME\\NONE");
+    let frame_type = Attributes::default().text(tags::FRAME_TYPE, VR::CS, "ORIGINAL\\PRIMARY\\VOLUME\\NONE");
     let measures = Attributes::default()
         .decimals(tags::PIXEL_SPACING, &layout.pixel_spacing())
         .decimals(tags::SLICE_THICKNESS, &[norm(layout.slice_step())]);
-    let orientation =
-        Attributes::default().decimals(tags::IMAGE_ORIENTATION_PATIENT, &layout.orientation());
+    let orientation = Attributes::default().decimals(tags::IMAGE_ORIENTATION_PATIENT, &layout.orientation());
     let rescale = Attributes::default()
         .text(tags::RESCALE_INTERCEPT, VR::DS, INTERCEPT.to_string())
         .text(tags::RESCALE_SLOPE, VR::DS, "1")

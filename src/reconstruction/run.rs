@@ -1,0 +1,69 @@
+//! Instances → volume → clouds and report.
+
+use super::{Failure, Product, Report};
+use crate::cloud::{self, Format, Metadata, PointCloud};
+use crate::dicom::Volume;
+use crate::dicom::series::{self, ReadLimits, Warning};
+use crate::dicom::source::InstanceSource;
+use crate::geometry::{Frame, Plane};
+use crate::pipeline::{self, Observer, Parameters, PipelineError, Stage};
+
+/// Reconstructs the instances of one series.
+///
+/// The same instances and parameters give the same bytes, on any number of threads.
+///
+/// # Errors
+/// [`Failure`], with the report where the pipeline got far enough to have one.
+pub fn run(
+    source: &dyn InstanceSource,
+    parameters: &Parameters,
+    limits: &ReadLimits,
+    observer: &dyn Observer,
+) -> Result<Product, Failure> {
+    let (volume, warnings) = series::read(source, limits, observer).map_err(Failure::from_series)?;
+    let reconstruction = pipeline::reconstruct(&volume, parameters, observer)
+        .map_err(|error| from_pipeline(error, &volume, parameters, &warnings))?;
+    observer.progress(Stage::Writing, 0.0);
+    let report = Report {
+        warnings,
+        ..Report::new(&volume, parameters, &reconstruction.figures, &reconstruction.slices)
+    };
+    let stored = |plane: Option<Plane>, cloud: &PointCloud| {
+        let metadata = metadata(&volume, parameters, plane);
+        (plane, cloud::encode(cloud, &metadata, Format::PlyBinary, Frame::Lps))
+    };
+    let [axial, sagittal, coronal] = &reconstruction.uniplanar;
+    let clouds = [
+        stored(None, &reconstruction.triplanar),
+        stored(Some(Plane::Axial), axial),
+        stored(Some(Plane::Sagittal), sagittal),
+        stored(Some(Plane::Coronal), coronal),
+    ];
+    Ok(Product { clouds, report })
+}
+
+fn metadata(volume: &Volume, parameters: &Parameters, plane: Option<Plane>) -> Metadata {
+    Metadata {
+        series_instance_uid: volume.identity.series_instance_uid.clone(),
+        frame_of_reference_uid: volume.identity.frame_of_reference_uid.clone(),
+        plane,
+        software: crate::SOFTWARE.to_owned(),
+        parameters_json: serde_json::to_string(parameters).expect("parameters are plain numbers and names"),
+    }
+}
+
+fn from_pipeline(
+    error: PipelineError,
+    volume: &Volume,
+    parameters: &Parameters,
+    warnings: &[Warning],
+) -> Failure {
+    let detail = error.to_string();
+    match error {
+        PipelineError::Cancelled => Failure::cancelled(),
+        PipelineError::EmptyCloud { partial, .. } => {
+            let report = Report::new(volume, parameters, &partial.figures, &partial.slices);
+            Failure::empty_cloud(detail, Report { warnings: warnings.to_vec(), ..report })
+        }
+    }
+}
