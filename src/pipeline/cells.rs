@@ -34,17 +34,19 @@ impl Cells {
             [[0, 0], [0, -1], [0, 1], [-1, 0], [1, 0], [-1, -1], [-1, 1], [1, -1], [1, 1]];
         let [z, y, x] = cell(place, self.inverse);
         ROWS.iter().map(move |&[dz, dy]| {
-            let (z, y) = (z.saturating_add(dz), y.saturating_add(dy));
-            let start = self.cells.partition_point(|&c| c < [z, y, x.saturating_sub(1)]);
-            let length = self.cells[start..].partition_point(|&c| c <= [z, y, x.saturating_add(1)]);
+            let start = self.cells.partition_point(|&c| c < [z + dz, y + dy, x - 1]);
+            let length = self.cells[start..].partition_point(|&c| c <= [z + dz, y + dy, x + 1]);
             &self.points[start..start + length]
         })
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "saturates, and then everything shares a cell")]
+/// Cells end here; what lies beyond shares the last one.
+const LAST: f64 = (1_u64 << 40) as f64;
+
+#[expect(clippy::cast_possible_truncation, reason = "within LAST")]
 fn cell(point: [f32; 3], inverse: f64) -> Cell {
-    [2, 1, 0].map(|axis| (f64::from(point[axis]) * inverse).floor() as i64)
+    [2, 1, 0].map(|axis| (f64::from(point[axis]) * inverse).floor().clamp(-LAST, LAST) as i64)
 }
 
 /// Squared distance in single precision, as PCL's search trees compute it.

@@ -20,6 +20,8 @@
 
 mod bitmap;
 mod cells;
+#[cfg(test)]
+mod cloud_tests;
 pub mod contour;
 pub mod decisions;
 pub mod lift;
@@ -34,6 +36,8 @@ mod rejection;
 pub mod rules;
 pub mod slices;
 pub mod statistical_outlier;
+#[cfg(test)]
+mod tests;
 mod thresholds;
 pub mod unique;
 pub mod voxel_grid;

@@ -4,4 +4,7 @@ mod dicom_scan;
 mod dimse_association;
 mod dimse_scu;
 mod dimse_store;
+mod published_program_clouds;
+mod published_program_points;
+mod published_program_slices;
 mod support;

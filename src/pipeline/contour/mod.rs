@@ -2,6 +2,8 @@
 
 mod fill;
 pub mod polygon;
+#[cfg(test)]
+mod tests;
 mod thresholds;
 mod trace;
 

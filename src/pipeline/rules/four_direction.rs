@@ -59,7 +59,7 @@ fn truncated(value: f32, length: usize) -> Option<usize> {
 ///
 /// One pass over the polygon answers for every position on the line, where an even–odd test of
 /// each position would take a pass each.
-struct Crossings {
+pub(super) struct Crossings {
     /// Places of the crossings along the line, ascending.
     places: Vec<f64>,
     /// Stretches along which the polygon runs on the line or touches it.
@@ -68,7 +68,7 @@ struct Crossings {
 
 impl Crossings {
     /// The line lies at `at`; `axes` gives a pixel's coordinate across the line and along it.
-    fn of(polygon: &[Pixel], at: f32, axes: impl Fn(Pixel) -> (u32, u32)) -> Self {
+    pub(super) fn of(polygon: &[Pixel], at: f32, axes: impl Fn(Pixel) -> (u32, u32)) -> Self {
         let at = f64::from(at);
         let mut places = Vec::new();
         let mut touching = Vec::new();
@@ -89,7 +89,7 @@ impl Crossings {
 
     /// Strictly outside by the even–odd rule: a position on the polygon is not.
     #[expect(clippy::cast_precision_loss, reason = "a picture's side")]
-    fn is_outside(&self, position: usize) -> bool {
+    pub(super) fn is_outside(&self, position: usize) -> bool {
         let position = position as f64;
         let before = self.places.partition_point(|&place| place < position);
         let is_on_crossing = self.places.get(before) == Some(&position);

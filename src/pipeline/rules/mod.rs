@@ -17,6 +17,8 @@ mod row_crossings_lower;
 mod row_crossings_upper;
 mod solidity;
 mod solidity_after_jump;
+#[cfg(test)]
+mod tests;
 
 pub use area_jump::AreaJumpThresholds;
 pub use area_over::AreaOverThresholds;

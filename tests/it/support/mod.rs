@@ -2,4 +2,6 @@
 
 pub(crate) mod data;
 pub(crate) mod dimse;
+pub(crate) mod instances;
 pub(crate) mod scu;
+pub(crate) mod published;

@@ -1,0 +1,70 @@
+//! The pipeline's speed: `cargo bench --bench pipeline`.
+//!
+//! Beside each of our own steps stands, in the same run on the same input, the crate that would do
+//! it otherwise, so that the choice can be checked on any machine. Peak memory of the whole process
+//! is printed after the first reconstruction, before anything else has run.
+
+mod twins;
+
+use std::hint::black_box;
+use std::time::Duration;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use triplanar::dicom::Volume;
+use triplanar::geometry::Plane;
+use triplanar::pipeline::contour::external_contours;
+use triplanar::pipeline::mask::mask;
+use triplanar::pipeline::{Parameters, Silent, radius_outlier, reconstruct, slices, statistical_outlier};
+
+/// 512 × 512 pixels of 0.45 mm, 280 slices of 0.625 mm.
+fn volume() -> Volume {
+    twins::head([280, 512, 512], [0.625, 0.45, 0.45])
+}
+
+fn whole(c: &mut Criterion) {
+    let volume = volume();
+    let parameters = Parameters::default();
+    let run = || reconstruct(&volume, &parameters, &Silent).expect("a head");
+    let started = std::time::Instant::now();
+    let points = run().triplanar.len();
+    eprintln!("first run: {points} points, {:?}, peak memory {}", started.elapsed(), twins::peak_memory());
+    let mut group = c.benchmark_group("volume to cloud");
+    group.sample_size(10).measurement_time(Duration::from_secs(20));
+    group.bench_function("512 x 512 x 280, leaf 1", |b| b.iter(|| black_box(run())));
+    group.finish();
+}
+
+fn contours(c: &mut Criterion) {
+    let volume = volume();
+    let parameters = Parameters::default();
+    let slice = slices::view(&volume.hu, Plane::Axial, 140).expect("the middle slice");
+    let mask = mask(slice, &parameters);
+    let mut group = c.benchmark_group("external contours of a slice");
+    group.bench_function("ours", |b| b.iter(|| external_contours(&mut black_box(mask.clone()))));
+    let image = twins::padded_image(&mask);
+    group.bench_function("imageproc", |b| b.iter(|| twins::imageproc_contours(black_box(&image))));
+    group.finish();
+}
+
+fn outliers(c: &mut Criterion) {
+    let mut parameters = Parameters::default();
+    parameters.radius_outlier.min_neighbours = 0;
+    parameters.statistical_outlier.neighbours = 0;
+    let cloud = reconstruct(&volume(), &parameters, &Silent).expect("a head").triplanar;
+    let defaults = Parameters::default();
+    let mut group = c.benchmark_group("outliers of a cloud");
+    group.sample_size(10);
+    group.bench_function("radius: ours", |b| {
+        b.iter(|| radius_outlier::kept(black_box(&cloud.points), &defaults.radius_outlier));
+    });
+    group.bench_function("radius: kiddo", |b| {
+        b.iter(|| twins::kiddo_radius(black_box(&cloud.points), &defaults.radius_outlier));
+    });
+    group.bench_function("statistical: ours", |b| {
+        b.iter(|| statistical_outlier::kept(black_box(&cloud.points), &defaults.statistical_outlier));
+    });
+    group.finish();
+}
+
+criterion_group!(benches, whole, contours, outliers);
+criterion_main!(benches);

@@ -1,0 +1,31 @@
+//! The shared series, read from their zips without touching the disk.
+
+use std::io;
+use std::path::Path;
+
+use triplanar::dicom::Volume;
+use triplanar::dicom::series::{ReadLimits, read};
+use triplanar::dicom::source::InstanceSource;
+use triplanar::pipeline::Silent;
+
+use super::data;
+
+/// Instances in memory.
+struct InMemory(Vec<Vec<u8>>);
+
+impl InstanceSource for InMemory {
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+    fn read(&self, index: usize) -> io::Result<Vec<u8>> {
+        Ok(self.0[index].clone())
+    }
+}
+
+/// The volume of `series/<name>.zip`.
+pub(crate) fn volume(data: &Path, name: &str) -> Volume {
+    let instances = data::series(data, name, "").into_iter().map(|(_, bytes)| bytes).collect();
+    let (volume, _) = read(&InMemory(instances), &ReadLimits::default(), &Silent)
+        .unwrap_or_else(|e| panic!("{name}: {} ({})", e, e.code()));
+    volume
+}
