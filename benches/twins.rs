@@ -8,7 +8,7 @@ use triplanar::pipeline::Bitmap;
 use triplanar::pipeline::parameters::RadiusOutlier;
 
 /// The picture as imageproc wants it, with a black frame: it misses borders at the image's edge.
-pub fn padded_image(bitmap: &Bitmap) -> image::GrayImage {
+pub(crate) fn padded_image(bitmap: &Bitmap) -> image::GrayImage {
     let (width, height) = (bitmap.width() as u32, bitmap.height() as u32);
     image::GrayImage::from_fn(width + 2, height + 2, |x, y| {
         let inside = (1..=width).contains(&x) && (1..=height).contains(&y);
@@ -18,14 +18,14 @@ pub fn padded_image(bitmap: &Bitmap) -> image::GrayImage {
 }
 
 /// The outermost borders.
-pub fn imageproc_contours(image: &image::GrayImage) -> Vec<Contour<u32>> {
+pub(crate) fn imageproc_contours(image: &image::GrayImage) -> Vec<Contour<u32>> {
     let mut contours = find_contours(image);
     contours.retain(|c| c.border_type == BorderType::Outer && c.parent.is_none());
     contours
 }
 
 /// Radius outlier removal by kiddo.
-pub fn kiddo_radius(points: &[[f32; 3]], filter: &RadiusOutlier) -> Vec<bool> {
+pub(crate) fn kiddo_radius(points: &[[f32; 3]], filter: &RadiusOutlier) -> Vec<bool> {
     let tree = ImmutableKdTree::<f32, 3>::new_from_slice(points).expect("finite points");
     let squared = filter.radius_mm * filter.radius_mm;
     let near = |point| tree.query(point).within::<SquaredEuclidean<f32>>(squared).unsorted().execute();
@@ -34,7 +34,7 @@ pub fn kiddo_radius(points: &[[f32; 3]], filter: &RadiusOutlier) -> Vec<bool> {
 }
 
 /// An ellipsoid with skull, sinus and neck above a holder, with some noise.
-pub fn head(shape: [usize; 3], spacing: [f64; 3]) -> Volume {
+pub(crate) fn head(shape: [usize; 3], spacing: [f64; 3]) -> Volume {
     let hu = ndarray::Array3::from_shape_fn(shape, |(z, y, x)| {
         let at = |i: usize, axis: usize| (i as f64 - shape[axis] as f64 / 2.0) * spacing[axis];
         let (x, y, z) = (at(x, 2), at(y, 1), at(z, 0));
@@ -69,7 +69,7 @@ pub fn head(shape: [usize; 3], spacing: [f64; 3]) -> Volume {
 }
 
 /// The most memory that this process has held so far, or "unknown" off Linux.
-pub fn peak_memory() -> String {
+pub(crate) fn peak_memory() -> String {
     std::fs::read_to_string("/proc/self/status")
         .ok()
         .and_then(|status| Some(status.lines().find(|l| l.starts_with("VmHWM"))?.to_owned()))

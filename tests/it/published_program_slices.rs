@@ -5,8 +5,8 @@ use triplanar::pipeline::contour::Pixel;
 use triplanar::pipeline::decisions::{Decisions, decide};
 use triplanar::pipeline::{Parameters, Silent};
 
-use crate::support::{data, instances};
 use crate::support::published::{Published, SERIES, Slice};
+use crate::support::{data, instances};
 
 #[test]
 fn every_slice_is_decided_as_by_the_published_program() {

@@ -24,8 +24,11 @@ impl InstanceSource for InMemory {
 
 /// The volume of `series/<name>.zip`.
 pub(crate) fn volume(data: &Path, name: &str) -> Volume {
-    let instances = data::series(data, name, "").into_iter().map(|(_, bytes)| bytes).collect();
-    let (volume, _) = read(&InMemory(instances), &ReadLimits::default(), &Silent)
+    let mut files = data::series(data, name, "");
+    // A media directory (PS3.10 section 8) beside the instances.
+    files.retain(|(path, _)| path != "DIRFILE");
+    let instances = InMemory(files.into_iter().map(|(_, bytes)| bytes).collect());
+    let (volume, _) = read(&instances, &ReadLimits::default(), &Silent)
         .unwrap_or_else(|e| panic!("{name}: {} ({})", e, e.code()));
     volume
 }

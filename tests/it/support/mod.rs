@@ -3,5 +3,5 @@
 pub(crate) mod data;
 pub(crate) mod dimse;
 pub(crate) mod instances;
-pub(crate) mod scu;
 pub(crate) mod published;
+pub(crate) mod scu;
