@@ -2,6 +2,7 @@
 
 mod dicom_scan;
 mod dimse_association;
+mod dimse_conformance;
 mod dimse_scu;
 mod dimse_store;
 mod intake_completeness;

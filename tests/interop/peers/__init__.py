@@ -1,0 +1,1 @@
+"""Real DICOM peers against a running service; see ../peers.sh."""
