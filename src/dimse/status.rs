@@ -37,11 +37,18 @@ impl Refusal {
 }
 
 impl From<&Error> for Refusal {
-    /// The stable code stands first, so that what is cut off at 64 characters is its explanation.
+    /// The stable code stands first. 64 characters hold little more: where the error has a detail
+    /// of its own, that is what follows, otherwise the beginning of its explanation.
     fn from(error: &Error) -> Self {
         let mapping = error.mapping();
-        let comment = long_string(&format!("{}: {error}", mapping.code));
-        Self { status: mapping.dimse_status, code: mapping.code, comment }
+        let code = mapping.code;
+        let comment = match error {
+            Error::NotDicom(detail) | Error::MalformedDataSet(detail) | Error::DataSetMismatch(detail) => {
+                format!("{code}: {detail}")
+            }
+            other => format!("{code}: {other}"),
+        };
+        Self { status: mapping.dimse_status, code, comment: long_string(&comment) }
     }
 }
 
@@ -62,6 +69,8 @@ mod tests {
         assert_eq!(refusal.status, 0xA700);
         assert!(refusal.comment.starts_with("out-of-storage: "), "{}", refusal.comment);
         assert!(refusal.comment.len() <= 64, "{}", refusal.comment);
+        let refusal = Refusal::from(&Error::MalformedDataSet("40 sequences inside one another".to_owned()));
+        assert_eq!(refusal.comment, "malformed-data-set: 40 sequences inside one another");
         assert_eq!(long_string("a\\b\nµ"), "a?b??");
     }
 }

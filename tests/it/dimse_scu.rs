@@ -18,6 +18,13 @@ fn peer(listener: &Listener) -> Peer {
     }
 }
 
+/// The data set with another SOP class, whose UID is as long.
+fn as_mr(mut data: Vec<u8>) -> Vec<u8> {
+    let at = data.windows(CT.len()).position(|window| window == CT.as_bytes()).unwrap();
+    data[at..at + CT.len()].copy_from_slice(MR.as_bytes());
+    data
+}
+
 /// A Part 10 file of these UIDs (PS3.10 section 7.1).
 fn part10(class: &str, instance: &str, syntax: &str, data: &[u8]) -> Vec<u8> {
     let mut group = Vec::new();
@@ -66,7 +73,7 @@ fn files_and_blobs_are_stored_and_each_answer_is_told() {
         Instance::File(file),
         Instance::Bytes(part10(CT, &uid(2), EXPLICIT, &full)),
         Instance::Bytes(part10(CT, &uid(1), EXPLICIT, &slice(1, 41))),
-        Instance::Bytes(part10(MR, &uid(3), EXPLICIT, &slice(3, 40))),
+        Instance::Bytes(part10(MR, &uid(3), EXPLICIT, &as_mr(slice(3, 40)))),
     ];
     let mut told = Vec::new();
     let outcomes =

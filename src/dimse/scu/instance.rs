@@ -3,14 +3,10 @@
 use std::io::{Cursor, Read, Seek, SeekFrom};
 use std::path::PathBuf;
 
-use dicom_object::FileMetaTable;
-
 use super::ScuError;
 use super::session::Proposal;
+use crate::dicom::scan::{self, Encoding, Limits};
 use crate::dicom::uid::SopInstanceUid;
-
-/// Preamble, `DICM` and the element Group Length (0002,0000), from whose end that length counts.
-const BEFORE_FILE_META: u64 = 128 + 4 + 12;
 
 /// A Part 10 instance.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -21,7 +17,7 @@ pub enum Instance {
     Bytes(Vec<u8>),
 }
 
-/// An instance whose file meta information was read.
+/// An instance that was looked at.
 #[derive(Debug)]
 pub(super) struct Sendable<'a> {
     instance: &'a Instance,
@@ -32,27 +28,22 @@ pub(super) struct Sendable<'a> {
 }
 
 impl<'a> Sendable<'a> {
-    /// Reads the file meta information of the `index`th instance.
+    /// Looks through the `index`th instance.
     pub(super) fn new(index: usize, instance: &'a Instance) -> Result<Self, ScuError> {
         let name = match instance {
             Instance::File(path) => path.display().to_string(),
             Instance::Bytes(_) => format!("instance {index}"),
         };
         let unreadable = |detail: String| ScuError::Unreadable { name: name.clone(), detail };
-        let mut reader = open(instance).map_err(|error| unreadable(error.to_string()))?;
-        reader.seek(SeekFrom::Start(128)).map_err(|error| unreadable(error.to_string()))?;
-        let meta = FileMetaTable::from_reader(&mut reader).map_err(|error| unreadable(error.to_string()))?;
-        let text = |text: &str| text.trim_end_matches(['\0', ' ']).to_owned();
-        let sop_instance_uid = text(&meta.media_storage_sop_instance_uid);
-        let sop_instance_uid = sop_instance_uid
-            .parse()
-            .map_err(|error| unreadable(format!("Media Storage SOP Instance UID (0002,0003): {error}")))?;
+        let reader = open(instance).map_err(|error| unreadable(error.to_string()))?;
+        let scan = scan::scan(reader, &Encoding::Part10, &Limits::default())
+            .map_err(|error| unreadable(error.to_string()))?;
         let proposal = Proposal {
-            abstract_syntax: text(&meta.media_storage_sop_class_uid),
-            transfer_syntax: text(&meta.transfer_syntax),
+            abstract_syntax: scan.header.sop_class_uid.into(),
+            transfer_syntax: scan.header.transfer_syntax_uid.into(),
         };
-        let data_set_offset = BEFORE_FILE_META + u64::from(meta.information_group_length);
-        Ok(Self { instance, proposal, sop_instance_uid, data_set_offset, name })
+        let sop_instance_uid = scan.header.sop_instance_uid;
+        Ok(Self { instance, name, proposal, sop_instance_uid, data_set_offset: scan.data_set_offset })
     }
 
     /// A reader that stands at the data set.

@@ -69,20 +69,21 @@ impl Listener {
         self.run(self.store.instances(&series)).unwrap()
     }
 
-    /// The stored files, without the catalog's.
+    /// The stored instances' files, and what is not whole yet.
     pub(crate) fn files(&self) -> Vec<Vec<u8>> {
         fn walk(dir: &Path, found: &mut Vec<Vec<u8>>) {
             for entry in std::fs::read_dir(dir).unwrap() {
                 let path = entry.unwrap().path();
                 if path.is_dir() {
                     walk(&path, found);
-                } else if !path.file_name().unwrap().to_string_lossy().contains("sqlite") {
+                } else {
                     found.push(std::fs::read(path).unwrap());
                 }
             }
         }
         let mut found = Vec::new();
-        walk(self.dir.path(), &mut found);
+        walk(&self.dir.path().join("instances"), &mut found);
+        walk(&self.dir.path().join("incoming"), &mut found);
         found
     }
 
