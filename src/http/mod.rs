@@ -1,1 +1,34 @@
 //! REST, STOW-RS and upload in; clouds, reports, events, health and metrics out.
+//!
+//! A request passes, from outside in: the connection's limits ([`server`](self)), its id, log line
+//! and metrics, the catching of panics, the headers that every answer has, the check of who may do
+//! what, and then its handler in `resources/`, `upload/` or `stow/`. Whatever is refused becomes a
+//! problem (RFC 9457) in one place, from the one table in [`crate::error`].
+
+mod auth;
+mod body;
+mod context;
+mod describe;
+mod extract;
+mod media_type;
+mod multipart;
+mod observe;
+mod problem;
+mod representation;
+mod resources;
+mod router;
+mod server;
+mod stow;
+mod timed_io;
+mod upload;
+mod views;
+mod volumes;
+
+pub use auth::{Access, access};
+pub use context::AppState;
+use context::Context;
+pub use describe::openapi;
+pub use observe::REQUEST_ID;
+pub use problem::{MEDIA_TYPE as PROBLEM_MEDIA_TYPE, Problem};
+pub use server::serve;
+pub use upload::{Refusal, SkipReason, Skipped};

@@ -26,6 +26,13 @@ pub(super) fn examine(reader: &mut dyn Reader, announced: &Announced, limits: &L
             header.sop_instance_uid
         )));
     }
+    if let Some(uid) = announced.study_instance_uid.as_ref().filter(|uid| **uid != header.study_instance_uid)
+    {
+        return Err(Error::DataSetMismatch(format!(
+            "its study is {}, the request's {uid}",
+            header.study_instance_uid
+        )));
+    }
     Ok(scan)
 }
 

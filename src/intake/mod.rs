@@ -22,7 +22,7 @@ use crate::config::Config;
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::scan::Limits;
 use crate::dicom::series;
-use crate::dicom::uid::{SopClassUid, SopInstanceUid};
+use crate::dicom::uid::{SopClassUid, SopInstanceUid, StudyInstanceUid};
 use crate::error::{Error, Result};
 use crate::store::{Policy, Store};
 use crate::telemetry::{Metrics, SenderKind};
@@ -56,6 +56,8 @@ pub struct Announced {
     pub sop_class_uid: Option<SopClassUid>,
     /// Affected SOP Instance UID of the command, if there was one.
     pub sop_instance_uid: Option<SopInstanceUid>,
+    /// The study that the request stores to, if it names one (PS3.18 section 10.5).
+    pub study_instance_uid: Option<StudyInstanceUid>,
     /// Who.
     pub sender: Sender,
 }

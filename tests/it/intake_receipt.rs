@@ -134,6 +134,7 @@ async fn a_stored_uid_in_another_series_or_a_series_in_another_study_is_refused(
         encoding: Encoding::DataSet(EXPLICIT.parse().unwrap()),
         sop_class_uid: None,
         sop_instance_uid: None,
+        study_instance_uid: None,
         sender: Sender::Upload { id: Uuid::new_v4() },
     };
     let error = entrance.give(&bytes, announced).await.unwrap_err();
@@ -162,6 +163,7 @@ async fn what_is_not_as_announced_is_refused() {
         encoding: Encoding::DataSet(EXPLICIT.parse().unwrap()),
         sop_class_uid: None,
         sop_instance_uid: Some(Slice::of(1, 2).sop_uid()),
+        study_instance_uid: None,
         sender: Sender::Upload { id: Uuid::new_v4() },
     };
     let error = entrance.give(&Slice::of(1, 1).data_set(), announced).await.unwrap_err();

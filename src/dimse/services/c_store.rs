@@ -84,6 +84,7 @@ fn announced(request: &Request, sender: Sender) -> Result<Announced, Refusal> {
         encoding: Encoding::DataSet(request.context.transfer_syntax.uid()),
         sop_class_uid: Some(sop_class_uid),
         sop_instance_uid: Some(sop_instance_uid),
+        study_instance_uid: None,
         sender,
     })
 }

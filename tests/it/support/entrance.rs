@@ -64,6 +64,7 @@ impl Entrance {
             encoding: Encoding::DataSet(slice.syntax.parse().unwrap()),
             sop_class_uid: Some(slice.sop_class.parse().unwrap()),
             sop_instance_uid: Some(slice.sop_uid()),
+            study_instance_uid: None,
             sender: Sender::Association { id: association, calling_ae_title: "TEST".into() },
         };
         self.give(&slice.data_set(), announced).await
@@ -75,6 +76,7 @@ impl Entrance {
             encoding: Encoding::Part10,
             sop_class_uid: None,
             sop_instance_uid: None,
+            study_instance_uid: None,
             sender: Sender::Upload { id: upload },
         };
         self.give(file, announced).await

@@ -1,0 +1,53 @@
+//! What the handlers work with.
+
+use std::sync::Arc;
+
+use tokio::sync::Semaphore;
+use tokio_util::sync::CancellationToken;
+
+use super::volumes::Volumes;
+use crate::config::Config;
+use crate::intake::Intake;
+use crate::jobs::Jobs;
+use crate::store::Store;
+use crate::telemetry::Metrics;
+
+/// The parts of the service that HTTP is a door to.
+#[derive(Debug, Clone)]
+pub struct AppState {
+    /// Catalog and blobs.
+    pub store: Store,
+    /// The way in for instances.
+    pub intake: Intake,
+    /// The queue.
+    pub jobs: Jobs,
+    /// The settings.
+    pub config: Arc<Config>,
+    /// What is counted.
+    pub metrics: Arc<Metrics>,
+}
+
+/// [`AppState`] and what one HTTP server shares between its requests.
+#[derive(Clone)]
+pub(super) struct Context {
+    pub(super) store: Store,
+    pub(super) intake: Intake,
+    pub(super) jobs: Jobs,
+    pub(super) config: Arc<Config>,
+    pub(super) metrics: Arc<Metrics>,
+    /// One permit for each upload that may be received at a time.
+    pub(super) uploads: Arc<Semaphore>,
+    /// Volumes for slice pictures.
+    pub(super) volumes: Arc<Volumes>,
+    /// Ends the streams of events.
+    pub(super) shutdown: CancellationToken,
+}
+
+impl Context {
+    pub(super) fn new(state: AppState, shutdown: CancellationToken) -> Self {
+        let AppState { store, intake, jobs, config, metrics } = state;
+        let uploads = Arc::new(Semaphore::new(config.http.max_uploads));
+        let volumes = Arc::new(Volumes::new(store.clone(), &config));
+        Self { store, intake, jobs, config, metrics, uploads, volumes, shutdown }
+    }
+}

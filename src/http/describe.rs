@@ -1,0 +1,152 @@
+//! The API's description (OpenAPI 3.1), generated from the operations. What is the same for all of
+//! them (who may, which problems any request can end in, what a problem looks like) is added here.
+
+use axum::http::Method;
+use utoipa::openapi::path::{HttpMethod, Operation, PathItem};
+use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
+use utoipa::openapi::{
+    Components, ContentBuilder, Info, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, Ref, RefOr,
+    Response, ResponseBuilder, Responses,
+};
+use utoipa::{PartialSchema, ToSchema};
+
+use super::auth::{Access, access};
+use super::problem::{MEDIA_TYPE, Problem};
+use super::router;
+
+/// The security scheme's name.
+const BEARER: &str = "bearer";
+
+const ABOUT: &str = "\
+Head CT in (C-STORE, STOW-RS, upload), the patient's skin as a point cloud out.\n\n\
+Coordinates are DICOM patient coordinates, mm: LPS (left, posterior, superior), or RAS on request. \
+Times are UTC. Errors are problem details (RFC 9457) whose `type` is a stable URN. Lists come in \
+pages: pass `next_cursor` on as `cursor`.\n\n\
+Where tokens are configured, send one as `Authorization: Bearer <token>`. Roles: `upload` sends \
+instances, completes series and starts reconstructions; `read` reads; `operate` does everything.\n\n\
+Not a medical device.";
+
+/// What any operation can end in, whatever it is.
+const ANYWHERE: [(&str, &str); 3] = [
+    ("400", "A parameter of the path or the query is not valid."),
+    ("500", "A failure of the service; its log has the cause, under this request's id."),
+    ("503", "Busy, shutting down, or at a limit: try again later (Retry-After)."),
+];
+
+/// What an operation that needs a token can end in.
+const PROTECTED: [(&str, &str); 2] =
+    [("401", "No valid token (WWW-Authenticate)."), ("403", "The token's role does not allow this.")];
+
+/// The description of the whole API, as `GET /openapi.json` and `triplanar openapi` give it.
+#[must_use]
+pub fn openapi() -> OpenApi {
+    let (_, mut api) = router::operations().split_for_parts();
+    for (path, item) in &mut api.paths.paths {
+        for (method, operation) in operations_of(item) {
+            complete(operation, access(&method, path));
+        }
+    }
+    let components = api.components.get_or_insert_with(Components::new);
+    components.schemas.insert(Problem::name().into_owned(), Problem::schema());
+    let mut more = Vec::new();
+    Problem::schemas(&mut more);
+    components.schemas.extend(more);
+    let scheme = HttpBuilder::new()
+        .scheme(HttpAuthScheme::Bearer)
+        .description(Some("A token of the service's configuration (`triplanar token` makes one)."))
+        .build();
+    components.add_security_scheme(BEARER, SecurityScheme::Http(scheme));
+    api
+}
+
+/// What stands before the operations.
+pub(super) fn head() -> OpenApi {
+    let mut license = LicenseBuilder::new().name("MIT").build();
+    license.identifier = Some("MIT".to_owned());
+    let info: Info = InfoBuilder::new()
+        .title("triplanar")
+        .version(env!("CARGO_PKG_VERSION"))
+        .description(Some(ABOUT))
+        .license(Some(license))
+        .build();
+    OpenApiBuilder::new().info(info).build()
+}
+
+fn operations_of(item: &mut PathItem) -> impl Iterator<Item = (Method, &mut Operation)> {
+    let PathItem { get, put, post, delete, .. } = item;
+    [(HttpMethod::Get, get), (HttpMethod::Put, put), (HttpMethod::Post, post), (HttpMethod::Delete, delete)]
+        .into_iter()
+        .filter_map(|(method, operation)| Some((axum_method(&method), operation.as_mut()?)))
+}
+
+fn axum_method(method: &HttpMethod) -> Method {
+    match method {
+        HttpMethod::Put => Method::PUT,
+        HttpMethod::Post => Method::POST,
+        HttpMethod::Delete => Method::DELETE,
+        _ => Method::GET,
+    }
+}
+
+fn complete(operation: &mut Operation, access: Access) {
+    let Responses { responses, .. } = &mut operation.responses;
+    for (status, description) in ANYWHERE {
+        responses.entry(status.to_owned()).or_insert_with(|| described(description));
+    }
+    if access != Access::Open {
+        for (status, description) in PROTECTED {
+            responses.entry(status.to_owned()).or_insert_with(|| described(description));
+        }
+        operation.security = Some(vec![SecurityRequirement::new(BEARER, Vec::<String>::new())]);
+        let role = format!("Needs a token of the role {}.", access.roles());
+        let description = operation.description.take();
+        operation.description = Some(match description {
+            Some(text) if !text.is_empty() => format!("{text}\n\n{role}"),
+            _ => role,
+        });
+    }
+    for (status, response) in responses.iter_mut() {
+        if let (true, RefOr::T(response)) = (status.as_str() >= "400", response) {
+            as_problem(response);
+        }
+    }
+}
+
+fn described(description: &str) -> RefOr<Response> {
+    RefOr::T(ResponseBuilder::new().description(description).build())
+}
+
+/// A refusal without a body of its own has a problem as its body.
+fn as_problem(response: &mut Response) {
+    if response.content.is_empty() {
+        let schema = RefOr::Ref(Ref::from_schema_name(Problem::name()));
+        let content = ContentBuilder::new().schema(Some(schema)).build();
+        response.content.insert(MEDIA_TYPE.to_owned(), RefOr::T(content));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_operation_has_its_row_in_the_table_of_access() {
+        let api = openapi();
+        let mut operations = 0;
+        for (path, mut item) in api.paths.paths {
+            for (method, operation) in operations_of(&mut item) {
+                operations += 1;
+                let open = operation.security.is_none();
+                assert_eq!(access(&method, &path) == Access::Open, open, "{method} {path}");
+                assert!(operation.operation_id.is_some() && operation.summary.is_some(), "{method} {path}");
+                for (status, response) in &operation.responses.responses {
+                    let RefOr::T(response) = response else { continue };
+                    if status.as_str() >= "400" {
+                        assert!(!response.content.is_empty(), "{method} {path} {status}");
+                    }
+                }
+            }
+        }
+        assert_eq!(operations, 22);
+    }
+}

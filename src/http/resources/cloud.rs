@@ -1,0 +1,203 @@
+//! Clouds: by format, plane and frame.
+
+use axum::extract::State;
+use axum::http::{HeaderMap, Method};
+use axum::response::Response;
+use bytes::Bytes;
+use serde::{Deserialize, Serialize};
+
+use super::{latest_succeeded, off_the_runtime, reconstruction_record};
+use crate::cloud::{Format, encode, ply};
+use crate::error::{Error, Result};
+use crate::geometry::{Frame, Plane};
+use crate::http::Context;
+use crate::http::extract::{Parameters, ReconstructionPath, SeriesPath};
+use crate::http::media_type::negotiate;
+use crate::http::representation::Representation;
+use crate::store::{ReconstructionRecord, ReconstructionState};
+
+/// Which cloud of a reconstruction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in crate::http) enum CloudPlane {
+    /// The merged one.
+    #[default]
+    Triplanar,
+    /// Of the axial slices alone.
+    Axial,
+    /// Of the sagittal slices alone.
+    Sagittal,
+    /// Of the coronal slices alone.
+    Coronal,
+}
+
+impl CloudPlane {
+    fn plane(self) -> Option<Plane> {
+        match self {
+            Self::Triplanar => None,
+            Self::Axial => Some(Plane::Axial),
+            Self::Sagittal => Some(Plane::Sagittal),
+            Self::Coronal => Some(Plane::Coronal),
+        }
+    }
+}
+
+/// Which cloud, and how it is written.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(in crate::http) struct CloudQuery {
+    /// The file format; without it, `Accept` chooses.
+    #[param(inline)]
+    format: Option<Format>,
+    /// The merged cloud, or that of one plane.
+    #[serde(default)]
+    #[param(inline, required = false)]
+    plane: CloudPlane,
+    /// The frame of the coordinates.
+    #[serde(default)]
+    #[param(inline, required = false)]
+    frame: Frame,
+}
+
+/// The cloud of a reconstruction
+///
+/// Coordinates are mm in the patient frame; PLY and PCD say in comments which. Vertex properties
+/// beyond x, y, z: `planes` (bit 1 axial, 2 sagittal, 4 coronal: the planes whose points the vertex
+/// stands for) and `unique` (1: no axial point lies within 1 mm).
+#[utoipa::path(
+    get,
+    path = "/v1/reconstructions/{id}/cloud",
+    operation_id = "getCloud",
+    tag = "Results",
+    params(("id" = uuid::Uuid, Path, description = "The reconstruction's id."), CloudQuery),
+    responses(
+        (status = 200, description = "The cloud.", content(
+            (Vec<u8> = "application/x-ply"), (Vec<u8> = "text/x-ply"), (Vec<u8> = "application/x-pcd"),
+            (Vec<u8> = "application/octet-stream"), (Vec<u8> = "application/x-npy"),
+        ), headers(("ETag" = String, description = "Strong; one for each format, frame and coding."))),
+        (status = 206, description = "The part that Range asks for.", content(
+            (Vec<u8> = "application/x-ply"), (Vec<u8> = "text/x-ply"), (Vec<u8> = "application/x-pcd"),
+            (Vec<u8> = "application/octet-stream"), (Vec<u8> = "application/x-npy"),
+        )),
+        (status = 304, description = "The client has it: If-None-Match."),
+        (status = 404, description = "No such reconstruction."),
+        (status = 406, description = "None of the accepted media types is one of ours."),
+        (status = 409, description = "The reconstruction has no cloud (yet)."),
+        (status = 416, description = "The range lies outside."),
+    ),
+)]
+pub(in crate::http) async fn reconstruction_cloud(
+    State(context): State<Context>,
+    ReconstructionPath(id): ReconstructionPath,
+    Parameters(query): Parameters<CloudQuery>,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response> {
+    let record = reconstruction_record(&context, id).await?;
+    serve(&context, record, query, method, headers).await
+}
+
+/// The latest cloud of a series
+///
+/// Of its latest succeeded reconstruction: one request for a navigation system that knows the
+/// Series Instance UID.
+#[utoipa::path(
+    get,
+    path = "/v1/series/{series}/cloud",
+    operation_id = "getLatestCloud",
+    tag = "Results",
+    params(
+        ("series" = crate::dicom::uid::SeriesInstanceUid, Path, description = "Series Instance UID."),
+        CloudQuery
+    ),
+    responses(
+        (status = 200, description = "The cloud.", content(
+            (Vec<u8> = "application/x-ply"), (Vec<u8> = "text/x-ply"), (Vec<u8> = "application/x-pcd"),
+            (Vec<u8> = "application/octet-stream"), (Vec<u8> = "application/x-npy"),
+        ), headers(("ETag" = String, description = "Strong; one for each format, frame and coding."))),
+        (status = 206, description = "The part that Range asks for.", content(
+            (Vec<u8> = "application/x-ply"), (Vec<u8> = "text/x-ply"), (Vec<u8> = "application/x-pcd"),
+            (Vec<u8> = "application/octet-stream"), (Vec<u8> = "application/x-npy"),
+        )),
+        (status = 304, description = "The client has it: If-None-Match."),
+        (status = 404, description = "No such series."),
+        (status = 406, description = "None of the accepted media types is one of ours."),
+        (status = 409, description = "The series has no cloud (yet)."),
+        (status = 416, description = "The range lies outside."),
+    ),
+)]
+pub(in crate::http) async fn latest_cloud(
+    State(context): State<Context>,
+    SeriesPath(uid): SeriesPath,
+    Parameters(query): Parameters<CloudQuery>,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response> {
+    let record = latest_succeeded(&context, &uid).await?;
+    serve(&context, record, query, method, headers).await
+}
+
+async fn serve(
+    context: &Context,
+    record: ReconstructionRecord,
+    query: CloudQuery,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response> {
+    let format = match query.format {
+        Some(format) => format,
+        None => negotiated(&headers)?,
+    };
+    if !record.state.has_cloud() {
+        return Err(no_cloud(&record));
+    }
+    let stored = context.store.cloud(record.id, query.plane.plane()).await?;
+    off_the_runtime(move || {
+        let bytes = if (format, query.frame) == (Format::PlyBinary, Frame::Lps) {
+            stored
+        } else {
+            let (cloud, metadata) = ply::decode(&stored).map_err(Error::internal)?;
+            encode(&cloud, &metadata, format, query.frame)
+        };
+        let representation = Representation {
+            bytes: Bytes::from(bytes),
+            media_type: format.media_type(),
+            file_name: Some(file_name(&record, &query, format)),
+            compressible: true,
+            vary: "Accept, Accept-Encoding",
+        };
+        representation.respond(&method, &headers)
+    })
+    .await
+}
+
+fn negotiated(headers: &HeaderMap) -> Result<Format> {
+    let offered = Format::ALL.map(Format::media_type);
+    let chosen = negotiate(headers, &offered).and_then(|index| Format::ALL.get(index).copied());
+    chosen.ok_or(Error::NotAcceptable(
+        "application/x-ply, text/x-ply, application/x-pcd, application/octet-stream, application/x-npy",
+    ))
+}
+
+/// What a client can do about a reconstruction without a cloud.
+fn no_cloud(record: &ReconstructionRecord) -> Error {
+    let detail = match record.state {
+        ReconstructionState::Queued | ReconstructionState::Running => {
+            "its cloud is served when it has succeeded".to_owned()
+        }
+        ReconstructionState::Failed => {
+            let code = record.error_code.as_deref().unwrap_or("unknown");
+            format!("it gave no cloud ({code})")
+        }
+        _ => "start it again".to_owned(),
+    };
+    Error::ReconstructionState { state: record.state.name(), detail }
+}
+
+/// `triplanar-<id>[-axial][-ras].ply`: nothing of a patient in it.
+fn file_name(record: &ReconstructionRecord, query: &CloudQuery, format: Format) -> String {
+    let plane = query.plane.plane().map_or(String::new(), |plane| format!("-{}", plane.name()));
+    let frame = if query.frame == Frame::Lps { String::new() } else { format!("-{}", query.frame.name()) };
+    format!("triplanar-{}{plane}{frame}.{}", record.id, format.extension())
+}

@@ -1,0 +1,74 @@
+//! The API by resource.
+
+pub(super) mod cloud;
+pub(super) mod events;
+pub(super) mod health;
+pub(super) mod pages;
+pub(super) mod reconstructions;
+pub(super) mod report;
+pub(super) mod series;
+pub(super) mod series_control;
+pub(super) mod slices;
+
+use super::Context;
+use crate::dicom::uid::SeriesInstanceUid;
+use crate::error::{Error, Result};
+use crate::store::{ReconstructionId, ReconstructionRecord, SeriesRecord};
+
+/// A cursor, as long as any of ours can be.
+const MAX_CURSOR: usize = 200;
+
+async fn series_record(context: &Context, uid: &SeriesInstanceUid) -> Result<SeriesRecord> {
+    let record = context.store.series(uid).await?;
+    record.ok_or_else(|| Error::NotFound { what: "series", id: uid.to_string() })
+}
+
+async fn reconstruction_record(context: &Context, id: ReconstructionId) -> Result<ReconstructionRecord> {
+    let record = context.store.reconstruction(id).await?;
+    record.ok_or_else(|| Error::NotFound { what: "reconstruction", id: id.to_string() })
+}
+
+/// The latest reconstruction of a series that has a cloud to serve.
+async fn latest_succeeded(context: &Context, uid: &SeriesInstanceUid) -> Result<ReconstructionRecord> {
+    if let Some(record) = context.store.latest_succeeded(uid).await? {
+        return Ok(record);
+    }
+    let series = series_record(context, uid).await?;
+    Err(match series.unfit_reason {
+        Some(reason) => {
+            Error::NotReconstructable { uid: series.series_instance_uid, reason: reason.name().to_owned() }
+        }
+        None => Error::SeriesIncomplete(series.series_instance_uid),
+    })
+}
+
+/// The rows of one page: at most `http.max_page`, all of them unless the request wants fewer.
+fn page_limit(context: &Context, asked: Option<u32>) -> Result<u32> {
+    let most = context.config.http.max_page;
+    match asked {
+        None => Ok(most),
+        Some(limit) if (1..=most).contains(&limit) => Ok(limit),
+        Some(_) => Err(Error::InvalidParameter {
+            name: "limit".to_owned(),
+            detail: format!("1 to {most} (http.max_page)"),
+        }),
+    }
+}
+
+fn checked_cursor(cursor: Option<&str>) -> Result<Option<&str>> {
+    match cursor {
+        Some(cursor) if cursor.len() > MAX_CURSOR => Err(Error::InvalidParameter {
+            name: "cursor".to_owned(),
+            detail: "use next_cursor of the page before as it is".to_owned(),
+        }),
+        cursor => Ok(cursor),
+    }
+}
+
+/// Runs work that needs the processor, or reads files, off tokio's threads.
+async fn off_the_runtime<T: Send + 'static>(work: impl FnOnce() -> Result<T> + Send + 'static) -> Result<T> {
+    match tokio::task::spawn_blocking(work).await {
+        Ok(result) => result,
+        Err(panic) => Err(Error::internal(panic)),
+    }
+}

@@ -1,0 +1,126 @@
+//! Reports: a row for every slice of every plane, as JSON or CSV.
+
+use axum::extract::State;
+use axum::http::{HeaderMap, Method};
+use axum::response::Response;
+use bytes::Bytes;
+
+use super::{latest_succeeded, off_the_runtime, reconstruction_record};
+use crate::error::{Error, Result};
+use crate::http::Context;
+use crate::http::extract::{ReconstructionPath, SeriesPath};
+use crate::http::media_type::negotiate;
+use crate::http::representation::Representation;
+use crate::reconstruction::Report;
+use crate::store::ReconstructionRecord;
+
+const JSON: &str = "application/json";
+const CSV: &str = "text/csv";
+
+/// The report of a reconstruction
+///
+/// Counts, warnings and a row for each slice of each plane: accepted, or the reason with what was
+/// measured and its limit. A reconstruction that failed in the pipeline has one too. As CSV: the
+/// rows alone.
+#[utoipa::path(
+    get,
+    path = "/v1/reconstructions/{id}/report",
+    operation_id = "getReport",
+    tag = "Results",
+    params(("id" = uuid::Uuid, Path, description = "The reconstruction's id.")),
+    responses(
+        (status = 200, description = "The report.", content((Report = "application/json"), (String = "text/csv")),
+         headers(("ETag" = String, description = "Strong; one for each media type and coding."))),
+        (status = 206, description = "The part that Range asks for.",
+         content((String = "application/json"), (String = "text/csv"))),
+        (status = 304, description = "The client has it: If-None-Match."),
+        (status = 404, description = "No such reconstruction."),
+        (status = 406, description = "Neither JSON nor CSV is accepted."),
+        (status = 409, description = "The reconstruction has no report (yet)."),
+        (status = 416, description = "The range lies outside."),
+    ),
+)]
+pub(in crate::http) async fn reconstruction_report(
+    State(context): State<Context>,
+    ReconstructionPath(id): ReconstructionPath,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response> {
+    let record = reconstruction_record(&context, id).await?;
+    serve(&context, record, method, headers).await
+}
+
+/// The latest report of a series
+///
+/// Of its latest succeeded reconstruction.
+#[utoipa::path(
+    get,
+    path = "/v1/series/{series}/report",
+    operation_id = "getLatestReport",
+    tag = "Results",
+    params(("series" = crate::dicom::uid::SeriesInstanceUid, Path, description = "Series Instance UID.")),
+    responses(
+        (status = 200, description = "The report.", content((Report = "application/json"), (String = "text/csv")),
+         headers(("ETag" = String, description = "Strong; one for each media type and coding."))),
+        (status = 206, description = "The part that Range asks for.",
+         content((String = "application/json"), (String = "text/csv"))),
+        (status = 304, description = "The client has it: If-None-Match."),
+        (status = 404, description = "No such series."),
+        (status = 406, description = "Neither JSON nor CSV is accepted."),
+        (status = 409, description = "The series has no report (yet)."),
+        (status = 416, description = "The range lies outside."),
+    ),
+)]
+pub(in crate::http) async fn latest_report(
+    State(context): State<Context>,
+    SeriesPath(uid): SeriesPath,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response> {
+    let record = latest_succeeded(&context, &uid).await?;
+    serve(&context, record, method, headers).await
+}
+
+async fn serve(
+    context: &Context,
+    record: ReconstructionRecord,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response> {
+    let as_csv = match negotiate(&headers, &[JSON, CSV]) {
+        Some(0) => false,
+        Some(_) => true,
+        None => return Err(Error::NotAcceptable("application/json, text/csv")),
+    };
+    if !record.has_report {
+        return Err(no_report(&record));
+    }
+    let stored = context.store.report(record.id).await?;
+    off_the_runtime(move || {
+        let (bytes, media_type, file_name) = if as_csv {
+            let report: Report = serde_json::from_slice(&stored).map_err(Error::internal)?;
+            let name = format!("triplanar-{}.csv", record.id);
+            (report.to_csv(), "text/csv; charset=utf-8; header=present", Some(name))
+        } else {
+            (stored, JSON, None)
+        };
+        let representation = Representation {
+            bytes: Bytes::from(bytes),
+            media_type,
+            file_name,
+            compressible: true,
+            vary: "Accept, Accept-Encoding",
+        };
+        representation.respond(&method, &headers)
+    })
+    .await
+}
+
+fn no_report(record: &ReconstructionRecord) -> Error {
+    let detail = if record.state.is_final() {
+        "it ended before the pipeline had anything to report; its error says why"
+    } else {
+        "its report is served when it has ended"
+    };
+    Error::ReconstructionState { state: record.state.name(), detail: detail.to_owned() }
+}

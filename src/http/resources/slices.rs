@@ -1,0 +1,130 @@
+//! Pictures of slices with their contours.
+
+use std::io::Cursor;
+
+use axum::extract::State;
+use axum::http::{HeaderMap, Method};
+use axum::response::Response;
+use bytes::Bytes;
+use image::ImageFormat;
+use serde::Deserialize;
+
+use super::{off_the_runtime, reconstruction_record};
+use crate::error::{Error, Result};
+use crate::geometry::Plane;
+use crate::http::Context;
+use crate::http::extract::SlicePath;
+use crate::http::representation::Representation;
+use crate::pipeline::picture;
+use crate::store::ReconstructionId;
+
+/// Of a report, what a picture needs.
+#[derive(Deserialize)]
+struct Decisions {
+    slices: Vec<Decision>,
+}
+
+#[derive(Deserialize)]
+struct Decision {
+    plane: Plane,
+    index: usize,
+    accepted: bool,
+}
+
+/// A slice with its contour
+///
+/// PNG: the slice, and drawn over it its contour, green if the slice was accepted, red if not.
+/// `index` counts as in the report: axial from the most superior, sagittal from the patient's
+/// right, coronal from the most posterior.
+#[utoipa::path(
+    get,
+    path = "/v1/reconstructions/{id}/slices/{plane}/{picture}",
+    operation_id = "getSlicePicture",
+    tag = "Results",
+    params(
+        ("id" = uuid::Uuid, Path, description = "The reconstruction's id."),
+        ("plane" = inline(Plane), Path, description = "The plane."),
+        ("picture" = String, Path, description = "`{index}.png`", pattern = r"^[0-9]{1,5}\.png$", example = "72.png"),
+    ),
+    responses(
+        (status = 200, description = "The picture.", body = Vec<u8>, content_type = "image/png",
+         headers(("ETag" = String, description = "Strong."))),
+        (status = 206, description = "The part that Range asks for.", body = Vec<u8>, content_type = "image/png"),
+        (status = 304, description = "The client has it: If-None-Match."),
+        (status = 404, description = "No such reconstruction, plane or slice."),
+        (status = 409, description = "The reconstruction has no report (yet), so its slices are not known."),
+        (status = 410, description = "The source instances are no longer stored."),
+        (status = 416, description = "The range lies outside."),
+    ),
+)]
+pub(in crate::http) async fn slice_picture(
+    State(context): State<Context>,
+    path: SlicePath,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response> {
+    let no_slice = || Error::NotFound { what: "slice", id: format!("{}/{}", path.plane, path.picture) };
+    let plane = Plane::ALL.into_iter().find(|plane| plane.name() == path.plane).ok_or_else(no_slice)?;
+    let index = slice_index(&path.picture).ok_or_else(no_slice)?;
+    let record = reconstruction_record(&context, path.id).await?;
+    if !record.has_report {
+        return Err(Error::ReconstructionState {
+            state: record.state.name(),
+            detail: "its slices are known when it has ended".to_owned(),
+        });
+    }
+    let accepted = decision(&context, path.id, plane, index).await?.ok_or_else(no_slice)?;
+    let volume = context.volumes.of(&record).await?;
+    off_the_runtime(move || {
+        let picture = picture(&volume, &record.parameters, plane, index, accepted);
+        let picture =
+            picture.ok_or_else(|| Error::internal("the report has a slice that the volume lacks"))?;
+        let mut png = Cursor::new(Vec::new());
+        picture.write_to(&mut png, ImageFormat::Png).map_err(Error::internal)?;
+        let representation = Representation {
+            bytes: Bytes::from(png.into_inner()),
+            media_type: "image/png",
+            file_name: None,
+            compressible: false,
+            vary: "Accept-Encoding",
+        };
+        representation.respond(&method, &headers)
+    })
+    .await
+}
+
+/// `72.png` → 72.
+fn slice_index(picture: &str) -> Option<usize> {
+    let digits = picture.strip_suffix(".png")?;
+    let plain = (1..=5).contains(&digits.len()) && digits.bytes().all(|byte| byte.is_ascii_digit());
+    plain.then(|| digits.parse().ok()).flatten()
+}
+
+/// Whether the slice was accepted; `None` if the volume has no such slice.
+async fn decision(
+    context: &Context,
+    id: ReconstructionId,
+    plane: Plane,
+    index: usize,
+) -> Result<Option<bool>> {
+    let stored = context.store.report(id).await?;
+    off_the_runtime(move || {
+        let report: Decisions = serde_json::from_slice(&stored).map_err(Error::internal)?;
+        let found = report.slices.iter().find(|slice| (slice.plane, slice.index) == (plane, index));
+        Ok(found.map(|slice| slice.accepted))
+    })
+    .await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::slice_index;
+
+    #[test]
+    fn a_slices_index_is_plain_digits() {
+        assert_eq!(slice_index("72.png"), Some(72));
+        for odd in ["72", "-1.png", "+1.png", ".png", "123456.png", "7 .png", "٣.png"] {
+            assert_eq!(slice_index(odd), None, "{odd}");
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! STOW-RS (PS3.18 section 10.5): instances as `multipart/related; type="application/dicom"`, or
+//! one instance as `application/dicom`.
+
+mod identity;
+mod response;
+
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::HeaderMap;
+use axum::response::Response;
+use bytes::{Bytes, BytesMut};
+
+use super::Context;
+use super::body::Incoming;
+use super::extract::StudyPath;
+use super::media_type::{MediaType, negotiate};
+use super::multipart::Multipart;
+use super::upload::{Arriving, Session, admit};
+use crate::dicom::uid::StudyInstanceUid;
+use crate::error::{Error, Result};
+use identity::Identity;
+
+const DICOM: &str = "application/dicom";
+const DICOM_JSON: &str = "application/dicom+json";
+
+/// So many bytes hold the file meta information.
+const HEAD: usize = 2048;
+
+/// Store instances (STOW-RS)
+///
+/// 200: all are stored and durable; 202: some were refused; 409: all were. The answer lists each
+/// instance, and for a refused one the failure reason (the status that C-STORE gives).
+#[utoipa::path(
+    post,
+    path = "/dicom-web/studies",
+    operation_id = "storeInstances",
+    tag = "DICOMweb",
+    request_body(description = "Part 10 files.", content(
+        (Vec<u8> = "multipart/related; type=\"application/dicom\""),
+        (Vec<u8> = "application/dicom"),
+    )),
+    responses(
+        (status = 200, description = "All are stored.", body = serde_json::Value, content_type = "application/dicom+json"),
+        (status = 202, description = "Some are stored, some refused.", body = serde_json::Value, content_type = "application/dicom+json"),
+        (status = 400, description = "The body can't be read."),
+        (status = 406, description = "The answer is application/dicom+json; that is not accepted."),
+        (status = 408, description = "The body stopped coming."),
+        (status = 409, description = "All were refused.", body = serde_json::Value, content_type = "application/dicom+json"),
+        (status = 413, description = "Larger than http.max_upload_bytes."),
+        (status = 415, description = "Neither multipart/related of application/dicom nor application/dicom."),
+        (status = 422, description = "No instance in it."),
+        (status = 507, description = "The disk is nearly full."),
+    ),
+)]
+pub(super) async fn store_instances(
+    State(context): State<Context>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response> {
+    store(&context, None, &headers, body).await
+}
+
+/// Store instances of one study (STOW-RS)
+///
+/// As `POST /dicom-web/studies`; an instance of another study is refused (failure reason A900).
+#[utoipa::path(
+    post,
+    path = "/dicom-web/studies/{study}",
+    operation_id = "storeInstancesOfStudy",
+    tag = "DICOMweb",
+    params(("study" = StudyInstanceUid, Path, description = "Study Instance UID.")),
+    request_body(description = "Part 10 files.", content(
+        (Vec<u8> = "multipart/related; type=\"application/dicom\""),
+        (Vec<u8> = "application/dicom"),
+    )),
+    responses(
+        (status = 200, description = "All are stored.", body = serde_json::Value, content_type = "application/dicom+json"),
+        (status = 202, description = "Some are stored, some refused.", body = serde_json::Value, content_type = "application/dicom+json"),
+        (status = 400, description = "The body or the study's UID can't be read."),
+        (status = 406, description = "The answer is application/dicom+json; that is not accepted."),
+        (status = 408, description = "The body stopped coming."),
+        (status = 409, description = "All were refused.", body = serde_json::Value, content_type = "application/dicom+json"),
+        (status = 413, description = "Larger than http.max_upload_bytes."),
+        (status = 415, description = "Neither multipart/related of application/dicom nor application/dicom."),
+        (status = 422, description = "No instance in it."),
+        (status = 507, description = "The disk is nearly full."),
+    ),
+)]
+pub(super) async fn store_instances_of_study(
+    State(context): State<Context>,
+    StudyPath(study): StudyPath,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response> {
+    store(&context, Some(study), &headers, body).await
+}
+
+/// What is stored of one request.
+struct Storing {
+    session: Session,
+    /// What each instance calls itself, by its place in the request.
+    identities: Vec<Identity>,
+}
+
+async fn store(
+    context: &Context,
+    study: Option<StudyInstanceUid>,
+    headers: &HeaderMap,
+    body: Body,
+) -> Result<Response> {
+    // Some clients name the media type of a multipart answer's parts; JSON is what there is.
+    if negotiate(headers, &[DICOM_JSON, "application/json"]).is_none() {
+        return Err(Error::NotAcceptable(DICOM_JSON));
+    }
+    let media_type = MediaType::of_request(headers).unwrap_or_else(MediaType::unknown);
+    let (mut incoming, _permit) = admit(context, headers, body)?;
+    let session = Session::new(context.intake.clone(), study);
+    let mut storing = Storing { session, identities: Vec::new() };
+    match media_type.essence() {
+        "multipart/related"
+            if media_type.parameter("type").is_none_or(|it| it.eq_ignore_ascii_case(DICOM)) =>
+        {
+            let mut multipart = Multipart::new(incoming, &media_type)?;
+            if let Err(error) = storing.parts(&mut multipart).await {
+                multipart.linger().await;
+                return Err(error);
+            }
+        }
+        DICOM => {
+            if let Err(error) = storing.instance(Source::Body(&mut incoming)).await {
+                incoming.linger().await;
+                return Err(error);
+            }
+        }
+        _ => {
+            incoming.linger().await;
+            return Err(Error::UnsupportedMediaType(
+                "send multipart/related; type=\"application/dicom\", or application/dicom".to_owned(),
+            ));
+        }
+    }
+    let (id, outcomes) = storing.session.finish().await?;
+    if outcomes.is_empty() {
+        return Err(Error::EmptyUpload);
+    }
+    context.intake.upload_ended(id).await?;
+    Ok(response::respond(&outcomes, &storing.identities))
+}
+
+enum Source<'a> {
+    Body(&'a mut Incoming),
+    Part(&'a mut Multipart),
+}
+
+impl Source<'_> {
+    async fn chunk(&mut self) -> Result<Option<Bytes>> {
+        match self {
+            Self::Body(incoming) => incoming.chunk().await,
+            Self::Part(multipart) => multipart.chunk().await,
+        }
+    }
+}
+
+impl Storing {
+    async fn parts(&mut self, multipart: &mut Multipart) -> Result<()> {
+        while let Some(headers) = multipart.next_part().await? {
+            let named = headers.media_type.as_ref().map(MediaType::essence);
+            if named.is_some_and(|essence| essence != DICOM) {
+                let arriving = self.begin(&Bytes::new()).await?;
+                let error = Error::UnsupportedMediaType("every part must be application/dicom".to_owned());
+                self.session.abandon(arriving, error);
+                continue;
+            }
+            self.instance(Source::Part(multipart)).await?;
+        }
+        Ok(())
+    }
+
+    async fn instance(&mut self, mut source: Source<'_>) -> Result<()> {
+        let mut head = BytesMut::new();
+        while head.len() < HEAD {
+            match source.chunk().await? {
+                Some(chunk) => head.extend_from_slice(&chunk),
+                None => break,
+            }
+        }
+        if head.is_empty() && matches!(source, Source::Body(_)) {
+            return Ok(());
+        }
+        let head = head.freeze();
+        let mut arriving = self.begin(&head).await?;
+        arriving.write(&head).await?;
+        while let Some(chunk) = source.chunk().await? {
+            arriving.write(&chunk).await?;
+        }
+        self.session.end(arriving).await
+    }
+
+    async fn begin(&mut self, head: &[u8]) -> Result<Arriving> {
+        self.identities.push(Identity::of(head));
+        self.session.begin(String::new()).await
+    }
+}

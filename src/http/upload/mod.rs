@@ -1,0 +1,185 @@
+//! `POST /v1/series`: a series as people have it, in an archive, as single files or by a browser's
+//! form. Everything goes to disk as it comes; nothing is held whole.
+
+mod answer;
+mod archive;
+mod receive;
+mod session;
+mod sniff;
+
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::HeaderMap;
+use axum::http::header::CONTENT_LENGTH;
+use axum::response::Response;
+use serde::Deserialize;
+
+use super::Context;
+use super::body::Incoming;
+use super::extract::Parameters;
+use super::media_type::MediaType;
+use super::multipart::Multipart;
+use super::views::{ReconstructionView, SeriesView};
+use crate::dicom::uid::SeriesInstanceUid;
+use crate::error::{Error, Result};
+use crate::store::ReconstructionFilter;
+use answer::Tally;
+pub use answer::{Refusal, Skipped};
+pub(super) use answer::{UploadAnswer, UploadedSeries};
+pub use archive::SkipReason;
+use receive::Received;
+pub(super) use session::{Arriving, Outcome, Session};
+
+/// What a whole body may call itself; its bytes decide what it is.
+const SINGLE_BODIES: [&str; 9] = [
+    "application/zip",
+    "application/x-zip-compressed",
+    "application/x-tar",
+    "application/tar",
+    "application/gzip",
+    "application/x-gzip",
+    "application/x-compressed-tar",
+    "application/dicom",
+    "application/octet-stream",
+];
+
+/// What the query of an upload says.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct UploadQuery {
+    /// Instances that each series of the upload has in all. With it, a series is complete when it
+    /// has so many; without it, at the end of the upload.
+    #[param(minimum = 1, maximum = 1_000_000, example = 145)]
+    expect: Option<u64>,
+}
+
+/// Upload a series
+///
+/// A zip or tar archive (also gzipped) of DICOM files, one DICOM file, or a browser's form with
+/// any of these as its files. What it is, is told from its bytes. Files of an archive that are no
+/// DICOM instances are passed over and listed in the answer.
+///
+/// 202 means that every instance counted as `stored` or `duplicate` is durable. If not one was
+/// stored, the answer is the problem of the first refusal, with all of them under `refused`.
+#[utoipa::path(
+    post,
+    path = "/v1/series",
+    operation_id = "uploadSeries",
+    tag = "Series",
+    params(UploadQuery),
+    request_body(
+        description = "The archive, file or form.",
+        content(
+            (Vec<u8> = "application/zip"),
+            (Vec<u8> = "application/x-tar"),
+            (Vec<u8> = "application/gzip"),
+            (Vec<u8> = "application/dicom"),
+            (Vec<u8> = "application/octet-stream"),
+            (UploadForm = "multipart/form-data"),
+        ),
+    ),
+    responses(
+        (status = 202, description = "Received and durable.", body = UploadAnswer),
+        (status = 400, description = "The archive, form or file can't be read."),
+        (status = 408, description = "The body stopped coming."),
+        (status = 409, description = "All instances are stored already with other content."),
+        (status = 413, description = "Larger than a limit, packed or unpacked."),
+        (status = 415, description = "Not a media type, or not a transfer syntax, that is taken here."),
+        (status = 422, description = "No instance in it, or none that is acceptable."),
+        (status = 507, description = "The disk is nearly full."),
+    ),
+)]
+pub(super) async fn upload_series(
+    State(context): State<Context>,
+    Parameters(query): Parameters<UploadQuery>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response> {
+    if query.expect == Some(0) {
+        return Err(Error::InvalidParameter { name: "expect".to_owned(), detail: "at least 1".to_owned() });
+    }
+    let media_type = MediaType::of_request(&headers);
+    let essence = media_type.as_ref().map(|it| it.essence().to_owned());
+    let (incoming, _permit) = admit(&context, &headers, body)?;
+    let received = match (essence.as_deref(), media_type) {
+        (Some("multipart/form-data"), Some(media_type)) => {
+            receive::form(&context, Multipart::new(incoming, &media_type)?).await?
+        }
+        (Some(essence), _) if !SINGLE_BODIES.contains(&essence) => {
+            incoming.linger().await;
+            return Err(Error::UnsupportedMediaType(
+                "send application/zip, application/x-tar, application/gzip, application/dicom or \
+                 multipart/form-data"
+                    .to_owned(),
+            ));
+        }
+        _ => receive::whole(&context, incoming).await?,
+    };
+    finish(&context, received, query.expect).await
+}
+
+/// What a browser's form holds. Every part with a file name is a file; other parts are ignored.
+#[derive(utoipa::ToSchema)]
+#[expect(dead_code, reason = "for the API's description alone")]
+pub(super) struct UploadForm {
+    /// Archives or DICOM files.
+    #[schema(value_type = Vec<Vec<u8>>, format = Binary)]
+    files: Vec<Vec<u8>>,
+}
+
+/// Lets an upload in if there is room for it.
+pub(super) fn admit(
+    context: &Context,
+    headers: &HeaderMap,
+    body: Body,
+) -> Result<(Incoming, tokio::sync::OwnedSemaphorePermit)> {
+    let settings = &context.config.http;
+    let permit = context
+        .uploads
+        .clone()
+        .try_acquire_owned()
+        .map_err(|_| Error::Busy("as many uploads as http.max_uploads allows are being received"))?;
+    let announced = headers.get(CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
+    if announced.is_some_and(|length| length > settings.max_upload_bytes) {
+        return Err(Error::TooLarge {
+            limit_bytes: settings.max_upload_bytes,
+            setting: "http.max_upload_bytes",
+        });
+    }
+    Ok((Incoming::upload(body, settings), permit))
+}
+
+/// Ends the upload: completes its series, and tells what is there now.
+async fn finish(context: &Context, received: Received, expect: Option<u64>) -> Result<Response> {
+    let Received { session, skipped } = received;
+    let (id, outcomes) = session.finish().await?;
+    if let Some(expect) = expect {
+        for series in series_of(&outcomes) {
+            context.intake.expect(&series, expect).await?;
+        }
+    }
+    let mut series = Vec::new();
+    for uid in context.intake.upload_ended(id).await? {
+        series.extend(uploaded_series(context, &uid).await?);
+    }
+    Ok(Tally::of(outcomes, skipped).answer(series))
+}
+
+fn series_of(outcomes: &[Outcome]) -> std::collections::BTreeSet<SeriesInstanceUid> {
+    outcomes
+        .iter()
+        .filter_map(|outcome| outcome.result.as_ref().ok())
+        .map(|receipt| receipt.header.series_instance_uid.clone())
+        .collect()
+}
+
+async fn uploaded_series(context: &Context, uid: &SeriesInstanceUid) -> Result<Option<UploadedSeries>> {
+    let Some(series) = context.store.series(uid).await? else { return Ok(None) };
+    let filter = ReconstructionFilter { series_instance_uid: Some(uid.clone()), state: None };
+    let latest = context.store.list_reconstructions(&filter, None, 1).await?.rows.pop();
+    Ok(Some(UploadedSeries {
+        series: SeriesView::from(series),
+        reconstruction: latest.map(ReconstructionView::from),
+    }))
+}

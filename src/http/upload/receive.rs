@@ -1,0 +1,176 @@
+//! From the request's bytes to instances: whole bodies, forms, archives.
+
+use std::fs::File;
+
+use bytes::{Bytes, BytesMut};
+use tokio::io::AsyncWriteExt;
+use tokio::sync::mpsc;
+
+use super::answer::Skipped;
+use super::archive::{Limits, Step, passed_over, walk};
+use super::session::{Arriving, Session};
+use super::sniff::{HEAD, Kind, kind};
+use crate::error::{Error, Result};
+use crate::http::Context;
+use crate::http::body::Incoming;
+use crate::http::multipart::Multipart;
+
+/// Steps of an archive that wait to be stored: bounds the memory of one upload.
+const STEPS: usize = 4;
+
+/// The instances of an upload, and what was no instance.
+pub(super) struct Received {
+    pub(super) session: Session,
+    pub(super) skipped: Vec<Skipped>,
+}
+
+/// Where the bytes of one file come from.
+enum Source<'a> {
+    Body(&'a mut Incoming),
+    Part(&'a mut Multipart),
+}
+
+impl Source<'_> {
+    async fn chunk(&mut self) -> Result<Option<Bytes>> {
+        match self {
+            Self::Body(incoming) => incoming.chunk().await,
+            Self::Part(multipart) => multipart.chunk().await,
+        }
+    }
+}
+
+impl Received {
+    fn new(context: &Context) -> Self {
+        Self { session: Session::new(context.intake.clone(), None), skipped: Vec::new() }
+    }
+}
+
+/// The whole body is one file.
+pub(super) async fn whole(context: &Context, mut incoming: Incoming) -> Result<Received> {
+    let mut received = Received::new(context);
+    let result = file(context, &mut received, String::new(), Source::Body(&mut incoming)).await;
+    if let Err(error) = result {
+        incoming.linger().await;
+        return Err(error);
+    }
+    Ok(received)
+}
+
+/// Every part with a file name is a file.
+pub(super) async fn form(context: &Context, mut multipart: Multipart) -> Result<Received> {
+    let mut received = Received::new(context);
+    let result = parts(context, &mut received, &mut multipart).await;
+    if let Err(error) = result {
+        multipart.linger().await;
+        return Err(error);
+    }
+    Ok(received)
+}
+
+async fn parts(context: &Context, received: &mut Received, multipart: &mut Multipart) -> Result<()> {
+    let mut files = 0;
+    while let Some(headers) = multipart.next_part().await? {
+        let Some(name) = headers.file_name.filter(|name| !name.is_empty()) else { continue };
+        files += 1;
+        if files > context.config.http.max_archive_entries {
+            let limit = context.config.http.max_archive_entries;
+            return Err(Error::ArchiveTooLarge(format!(
+                "more than {limit} files (http.max_archive_entries)"
+            )));
+        }
+        file(context, received, name, Source::Part(multipart)).await?;
+    }
+    Ok(())
+}
+
+/// One file: an instance goes straight to the intake, an archive to disk first.
+async fn file(
+    context: &Context,
+    received: &mut Received,
+    name: String,
+    mut source: Source<'_>,
+) -> Result<()> {
+    let mut head = BytesMut::new();
+    let mut ended = false;
+    while head.len() < HEAD && !ended {
+        match source.chunk().await? {
+            Some(chunk) => head.extend_from_slice(&chunk),
+            None => ended = true,
+        }
+    }
+    let head = head.freeze();
+    if head.is_empty() {
+        let arriving = received.session.begin(name).await?;
+        received.session.abandon(arriving, Error::MalformedUpload("the file is empty".to_owned()));
+        return Ok(());
+    }
+    if kind(&head) == Kind::Instance {
+        // A form can hold a whole folder, like an archive; a single body is meant to be an instance.
+        if let (Source::Part(_), Some(reason)) = (&source, passed_over(&name, &head)) {
+            received.skipped.push(Skipped { name, reason });
+            return Ok(());
+        }
+        let mut arriving = received.session.begin(name).await?;
+        arriving.write(&head).await?;
+        while let Some(chunk) = source.chunk().await? {
+            arriving.write(&chunk).await?;
+        }
+        return received.session.end(arriving).await;
+    }
+    // Refuses before the body if the disk is full.
+    drop(context.intake.begin().await?);
+    let mut spooled = tokio::fs::File::from_std(tempfile::tempfile_in(&context.config.storage.data_dir)?);
+    spooled.write_all(&head).await?;
+    while let Some(chunk) = source.chunk().await? {
+        spooled.write_all(&chunk).await?;
+    }
+    spooled.flush().await?;
+    let mut spooled = spooled.into_std().await;
+    std::io::Seek::rewind(&mut spooled)?;
+    unpack(context, received, spooled).await
+}
+
+async fn unpack(context: &Context, received: &mut Received, file: File) -> Result<()> {
+    let settings = &context.config.http;
+    let limits =
+        Limits { unpacked_bytes: settings.max_unpacked_bytes, entries: settings.max_archive_entries };
+    let (sender, mut steps) = mpsc::channel(STEPS);
+    let walker = tokio::task::spawn_blocking(move || walk(file, limits, sender));
+    let mut arriving = None;
+    let stored = loop {
+        match steps.recv().await {
+            None => break Ok(()),
+            Some(step) => {
+                if let Err(error) = take(received, &mut arriving, step).await {
+                    break Err(error);
+                }
+            }
+        }
+    };
+    drop(steps);
+    let walked = walker.await.map_err(Error::internal)?;
+    stored.and(walked)
+}
+
+async fn take(received: &mut Received, arriving: &mut Option<Arriving>, step: Step) -> Result<()> {
+    match step {
+        Step::Begin(name) => *arriving = Some(received.session.begin(name).await?),
+        Step::Data(bytes) => {
+            if let Some(arriving) = arriving {
+                arriving.write(&bytes).await?;
+            }
+        }
+        Step::End => {
+            if let Some(arriving) = arriving.take() {
+                received.session.end(arriving).await?;
+            }
+        }
+        Step::Broken(cause) => {
+            if let Some(arriving) = arriving.take() {
+                received.session.abandon(arriving, Error::MalformedUpload(cause));
+            }
+        }
+        Step::Skipped(name, reason) => received.skipped.push(Skipped { name, reason }),
+    }
+    Ok(())
+}

@@ -1,0 +1,152 @@
+//! The instances of one request on their way to the intake: a few are made durable at a time
+//! while the next ones arrive.
+
+use bytes::Bytes;
+use futures_util::StreamExt;
+use futures_util::stream::FuturesUnordered;
+use tokio::task::{JoinError, JoinHandle};
+use uuid::Uuid;
+
+use crate::dicom::uid::StudyInstanceUid;
+use crate::error::{Error, Result};
+use crate::intake::{Announced, Encoding, Intake, Receipt, Sender, Spool};
+
+/// Instances that are made durable at a time: their syncs share the disk's time.
+const AT_A_TIME: usize = 8;
+
+/// What became of one instance.
+#[derive(Debug)]
+pub(in crate::http) struct Outcome {
+    /// Its place in the request.
+    pub(in crate::http) index: usize,
+    /// Its file name in the archive or form; empty where it has none.
+    pub(in crate::http) name: String,
+    /// What the intake said.
+    pub(in crate::http) result: Result<Receipt>,
+}
+
+/// The instances of one request.
+pub(in crate::http) struct Session {
+    intake: Intake,
+    id: Uuid,
+    study: Option<StudyInstanceUid>,
+    running: FuturesUnordered<JoinHandle<Outcome>>,
+    outcomes: Vec<Outcome>,
+    begun: usize,
+}
+
+/// An instance that is arriving.
+pub(in crate::http) struct Arriving {
+    index: usize,
+    name: String,
+    /// The spool file, or why the rest of the instance is of no use.
+    spool: Result<Spool>,
+}
+
+impl Session {
+    /// A session whose instances must be of `study`, if one is given.
+    pub(in crate::http) fn new(intake: Intake, study: Option<StudyInstanceUid>) -> Self {
+        Self {
+            intake,
+            id: Uuid::now_v7(),
+            study,
+            running: FuturesUnordered::new(),
+            outcomes: Vec::new(),
+            begun: 0,
+        }
+    }
+
+    /// An instance begins.
+    ///
+    /// # Errors
+    /// Only what ends the whole request: no space, shutdown, our own failure.
+    pub(in crate::http) async fn begin(&mut self, name: String) -> Result<Arriving> {
+        let index = self.begun;
+        self.begun += 1;
+        let spool = fatal(self.intake.begin().await)?;
+        Ok(Arriving { index, name, spool })
+    }
+
+    /// The instance is whole: makes it durable in the background.
+    ///
+    /// # Errors
+    /// Only what ends the whole request, of this or an earlier instance.
+    pub(in crate::http) async fn end(&mut self, arriving: Arriving) -> Result<()> {
+        let Arriving { index, name, spool } = arriving;
+        let spool = match spool {
+            Ok(spool) => spool,
+            Err(error) => {
+                self.outcomes.push(Outcome { index, name, result: Err(error) });
+                return Ok(());
+            }
+        };
+        while self.running.len() >= AT_A_TIME {
+            self.next_outcome().await?;
+        }
+        let announced = Announced {
+            encoding: Encoding::Part10,
+            sop_class_uid: None,
+            sop_instance_uid: None,
+            study_instance_uid: self.study.clone(),
+            sender: Sender::Upload { id: self.id },
+        };
+        let intake = self.intake.clone();
+        // A task of its own: a client that goes away stops no sync half-way.
+        self.running.push(tokio::spawn(async move {
+            Outcome { index, name, result: intake.store(spool, announced).await }
+        }));
+        Ok(())
+    }
+
+    /// The instance can't be read to its end.
+    pub(in crate::http) fn abandon(&mut self, arriving: Arriving, error: Error) {
+        self.outcomes.push(Outcome { index: arriving.index, name: arriving.name, result: Err(error) });
+    }
+
+    /// Waits for all instances: what became of each, in the order in which they came, and the
+    /// session's id for `Intake::upload_ended`.
+    ///
+    /// # Errors
+    /// What ends the whole request.
+    pub(in crate::http) async fn finish(mut self) -> Result<(Uuid, Vec<Outcome>)> {
+        while !self.running.is_empty() {
+            self.next_outcome().await?;
+        }
+        self.outcomes.sort_by_key(|outcome| outcome.index);
+        Ok((self.id, self.outcomes))
+    }
+
+    async fn next_outcome(&mut self) -> Result<()> {
+        let Some(ended) = self.running.next().await else { return Ok(()) };
+        let outcome: Outcome = ended.map_err(|panic: JoinError| Error::internal(panic))?;
+        let result = fatal(outcome.result)?;
+        self.outcomes.push(Outcome { result, ..outcome });
+        Ok(())
+    }
+}
+
+impl Arriving {
+    /// More bytes. After a refusal (it is larger than one instance may be) they are dropped.
+    ///
+    /// # Errors
+    /// Only what ends the whole request.
+    pub(in crate::http) async fn write(&mut self, bytes: &Bytes) -> Result<()> {
+        if let Ok(spool) = &mut self.spool
+            && let Err(error) = fatal(spool.write(bytes).await)?
+        {
+            self.spool = Err(error);
+        }
+        Ok(())
+    }
+}
+
+/// Parts what concerns one instance (inner) from what ends the whole request (outer): the next
+/// instance would meet the same.
+fn fatal<T>(result: Result<T>) -> Result<Result<T>> {
+    match result {
+        Err(error @ (Error::OutOfStorage | Error::ShuttingDown | Error::Busy(_) | Error::Internal(_))) => {
+            Err(error)
+        }
+        other => Ok(other),
+    }
+}

@@ -1,0 +1,270 @@
+//! What the API says of series and reconstructions. Times are RFC 3339, UTC.
+
+use jiff::Timestamp;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
+use crate::pipeline::{Figures, Parameters, Stage};
+use crate::store::{
+    CompleteReason, Page, ReconstructionId, ReconstructionRecord, ReconstructionState, Refused, SeriesRecord,
+    SeriesState, UnfitReason,
+};
+
+/// A series.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub(super) struct SeriesView {
+    /// Series Instance UID (0020,000E).
+    pub series_instance_uid: SeriesInstanceUid,
+    /// Study Instance UID (0020,000D).
+    pub study_instance_uid: StudyInstanceUid,
+    /// Frame of Reference UID (0020,0052).
+    pub frame_of_reference_uid: Option<FrameOfReferenceUid>,
+    /// Modality (0008,0060).
+    #[schema(examples("CT"))]
+    pub modality: Option<String>,
+    /// Series Description (0008,103E).
+    pub description: Option<String>,
+    /// Patient ID (0010,0020).
+    pub patient_id: Option<String>,
+    /// Accession Number (0008,0050).
+    pub accession_number: Option<String>,
+    /// Where it stands.
+    pub state: SeriesState,
+    /// Why it can't be reconstructed, where it can't.
+    pub unfit_reason: Option<UnfitReason>,
+    /// 0 before it is complete; one more with each set of instances that it was complete with.
+    pub revision: u32,
+    /// What completed the latest revision.
+    pub complete_reason: Option<CompleteReason>,
+    /// Instances that the sender announced.
+    pub expected_instances: Option<u64>,
+    /// Instances stored.
+    pub instances: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Instances that were refused because others are stored under their UIDs.
+    pub refused_instances: u64,
+    /// When its first instance came.
+    #[schema(format = DateTime)]
+    pub created: String,
+    /// When its latest instance came.
+    #[schema(format = DateTime)]
+    pub updated: String,
+    /// Where to go from here.
+    pub links: SeriesLinks,
+}
+
+/// Paths of a series.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub(super) struct SeriesLinks {
+    /// The series itself.
+    #[serde(rename = "self")]
+    pub itself: String,
+    /// Its reconstructions.
+    pub reconstructions: String,
+    /// The cloud of its latest succeeded reconstruction.
+    pub cloud: String,
+    /// The report of the same.
+    pub report: String,
+}
+
+/// A series, with what the list leaves out.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub(super) struct SeriesDetail {
+    /// The series.
+    #[serde(flatten)]
+    pub series: SeriesView,
+    /// Its latest reconstruction.
+    pub reconstruction: Option<ReconstructionView>,
+    /// The instances that were refused.
+    pub refused: Vec<RefusedView>,
+}
+
+/// An instance that was refused although its series is known.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub(super) struct RefusedView {
+    /// The instance.
+    pub sop_instance_uid: SopInstanceUid,
+    /// Why, as in the problem's URN.
+    #[schema(examples("conflicting-instance"))]
+    pub code: String,
+    /// How often it was sent.
+    pub times: u64,
+    /// When it was refused last.
+    #[schema(format = DateTime)]
+    pub last: String,
+}
+
+/// A reconstruction.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub(super) struct ReconstructionView {
+    /// Its id, a UUIDv7.
+    pub id: ReconstructionId,
+    /// Its series.
+    pub series_instance_uid: SeriesInstanceUid,
+    /// The revision of the series that it was made from.
+    pub revision: u32,
+    /// SHA-256 over the identities of the instances that it was made from.
+    #[schema(pattern = "^[0-9a-f]{64}$")]
+    pub instances_sha256: String,
+    /// How many they are.
+    pub instances: u64,
+    /// All its parameters.
+    pub parameters: Parameters,
+    /// Where it stands.
+    pub state: ReconstructionState,
+    /// What runs now, or ran last.
+    pub stage: Option<Stage>,
+    /// Part of the whole that is done, 0 to 1.
+    #[schema(minimum = 0.0, maximum = 1.0)]
+    pub fraction: f64,
+    /// Attempts begun.
+    pub attempts: u32,
+    /// Why there is no cloud, where it has failed.
+    pub error: Option<ReconstructionError>,
+    /// The reconstruction that took its place.
+    pub superseded_by: Option<ReconstructionId>,
+    /// Software that made it.
+    pub software: String,
+    /// The figures of the result.
+    pub figures: Option<Figures>,
+    /// When it was asked for.
+    #[schema(format = DateTime)]
+    pub created: String,
+    /// When its latest attempt began.
+    #[schema(format = DateTime)]
+    pub started: Option<String>,
+    /// When it ended.
+    #[schema(format = DateTime)]
+    pub finished: Option<String>,
+    /// Where to go from here.
+    pub links: ReconstructionLinks,
+}
+
+/// Why a reconstruction gave no cloud.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub(super) struct ReconstructionError {
+    /// Stable code.
+    #[schema(examples("missing_slice"))]
+    pub code: String,
+    /// What failed and what to do next.
+    pub detail: String,
+    /// The instances at fault, if it names any.
+    pub instances: Vec<SopInstanceUid>,
+}
+
+/// Paths of a reconstruction; those of what does not exist (yet) are left out.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub(super) struct ReconstructionLinks {
+    /// The reconstruction itself.
+    #[serde(rename = "self")]
+    pub itself: String,
+    /// Its series.
+    pub series: String,
+    /// Its events.
+    pub events: String,
+    /// Its cloud.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cloud: Option<String>,
+    /// Its report.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub report: Option<String>,
+}
+
+/// One page of a list, newest first.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub(super) struct PageView<T: ToSchema> {
+    /// The rows.
+    pub items: Vec<T>,
+    /// Ask for the next page with `cursor=` this; `null` on the last one.
+    pub next_cursor: Option<String>,
+}
+
+fn time(unix_ms: i64) -> String {
+    Timestamp::from_millisecond(unix_ms).map(|time| time.to_string()).unwrap_or_default()
+}
+
+impl From<SeriesRecord> for SeriesView {
+    fn from(record: SeriesRecord) -> Self {
+        let path = format!("/v1/series/{}", record.series_instance_uid);
+        Self {
+            links: SeriesLinks {
+                reconstructions: format!("/v1/reconstructions?series={}", record.series_instance_uid),
+                cloud: format!("{path}/cloud"),
+                report: format!("{path}/report"),
+                itself: path,
+            },
+            series_instance_uid: record.series_instance_uid,
+            study_instance_uid: record.study_instance_uid,
+            frame_of_reference_uid: record.frame_of_reference_uid,
+            modality: record.modality,
+            description: record.description,
+            patient_id: record.patient_id,
+            accession_number: record.accession_number,
+            state: record.state,
+            unfit_reason: record.unfit_reason,
+            revision: record.revision,
+            complete_reason: record.complete_reason,
+            expected_instances: record.expected_instances,
+            instances: record.instances,
+            bytes: record.bytes,
+            refused_instances: record.refused_instances,
+            created: time(record.created_ms),
+            updated: time(record.updated_ms),
+        }
+    }
+}
+
+impl From<Refused> for RefusedView {
+    fn from(refused: Refused) -> Self {
+        Self {
+            sop_instance_uid: refused.sop_instance_uid,
+            code: refused.code,
+            times: refused.times,
+            last: time(refused.last_ms),
+        }
+    }
+}
+
+impl From<ReconstructionRecord> for ReconstructionView {
+    fn from(record: ReconstructionRecord) -> Self {
+        let path = format!("/v1/reconstructions/{}", record.id);
+        Self {
+            links: ReconstructionLinks {
+                series: format!("/v1/series/{}", record.series_instance_uid),
+                events: format!("{path}/events"),
+                cloud: record.state.has_cloud().then(|| format!("{path}/cloud")),
+                report: record.has_report.then(|| format!("{path}/report")),
+                itself: path,
+            },
+            id: record.id,
+            series_instance_uid: record.series_instance_uid,
+            revision: record.revision,
+            instances_sha256: hex::encode(record.instances_sha256),
+            instances: record.instances,
+            parameters: record.parameters,
+            state: record.state,
+            stage: record.stage,
+            fraction: record.fraction,
+            attempts: record.attempts,
+            error: record.error_code.map(|code| ReconstructionError {
+                code,
+                detail: record.error_detail.unwrap_or_default(),
+                instances: record.error_instances,
+            }),
+            superseded_by: record.superseded_by,
+            software: record.software,
+            figures: record.figures,
+            created: time(record.created_ms),
+            started: record.started_ms.map(time),
+            finished: record.finished_ms.map(time),
+        }
+    }
+}
+
+impl<R, T: ToSchema + From<R>> From<Page<R>> for PageView<T> {
+    fn from(page: Page<R>) -> Self {
+        Self { items: page.rows.into_iter().map(T::from).collect(), next_cursor: page.next_cursor }
+    }
+}
