@@ -37,7 +37,7 @@ fn the_statement_lists_the_transfer_syntaxes_in_our_order_of_preference() {
 fn the_statement_lists_the_sop_classes_and_who_we_are() {
     let statement = statement();
     for class in sop_class::ACCEPTED {
-        let row = format!("| {} ({}) |", class.name, class.uid);
+        let row = format!("| {} ({}) | yes¹ | yes |", class.name, class.uid);
         assert!(statement.contains(&row), "{row} is missing");
     }
     assert_eq!(statement.matches("1.2.840.10008.5.1.4").count(), sop_class::ACCEPTED.len());
