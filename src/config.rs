@@ -6,6 +6,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Deserializer};
 
+use crate::dicom::scan::Limits;
+use crate::dicom::series::ReadLimits;
 use crate::pipeline::Parameters;
 
 /// `config/triplanar.toml`: explains every setting and *is* the defaults.
@@ -270,6 +272,16 @@ impl Config {
             range(setting, value > 0, "must be at least 1")?;
         }
         self.pipeline.check().map_err(|e| ConfigError::Range { setting: "pipeline", detail: e.to_string() })
+    }
+
+    /// What a series may be at most, from the sections `intake` and `jobs`.
+    #[must_use]
+    pub fn read_limits(&self) -> ReadLimits {
+        ReadLimits {
+            max_voxels: self.jobs.max_voxels,
+            scan: Limits { max_inflated_bytes: self.intake.max_inflated_bytes, ..Limits::default() },
+            ..ReadLimits::default()
+        }
     }
 
     /// Refuses a listener off loopback without authentication, unless `insecure = true` is

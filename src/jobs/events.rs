@@ -53,7 +53,6 @@ impl Hub {
     }
 
     /// Ends the subscriptions to a reconstruction that is no more.
-    #[expect(dead_code, reason = "the workers follow")]
     pub(super) fn close(&self, id: ReconstructionId) {
         self.channels().remove(&id);
     }

@@ -19,17 +19,28 @@
 //! | the service shuts down | `queued`, the attempt not counted |
 //! | somebody cancelled it | `cancelled` |
 
+mod attempt;
+mod conclusion;
 mod events;
+mod progress;
+#[cfg(test)]
+mod tests;
+mod watch;
+mod worker;
 
-use std::sync::Arc;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::{Notify, broadcast};
 use tokio_util::sync::CancellationToken;
 
 use crate::config::{self, Config};
+use crate::dicom::series::ReadLimits;
+use crate::dicom::source::InstanceSource;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
-use crate::pipeline::Parameters;
+use crate::pipeline::{Observer, Parameters};
+use crate::reconstruction::{self, Failure, Product};
 use crate::store::{Reclaim, ReconstructionId, ReconstructionRecord, ReconstructionState, Store};
 use crate::telemetry::Metrics;
 
@@ -41,13 +52,22 @@ pub struct Jobs {
     shared: Arc<Shared>,
 }
 
+/// What an attempt runs: [`reconstruction::run`] but in tests of its failures.
+type Work = fn(&dyn InstanceSource, &Parameters, &ReadLimits, &dyn Observer) -> Result<Product, Failure>;
+
 #[derive(Debug)]
 struct Shared {
     store: Store,
     settings: config::Jobs,
+    limits: ReadLimits,
     metrics: Arc<Metrics>,
     hub: Arc<events::Hub>,
     wakeup: Arc<Notify>,
+    work: Work,
+    /// The pipeline's threads, shared by all workers.
+    threads: Arc<rayon::ThreadPool>,
+    /// The attempts that run in this process.
+    running: Mutex<HashMap<ReconstructionId, Arc<watch::Watch>>>,
 }
 
 impl Jobs {
@@ -56,12 +76,25 @@ impl Jobs {
     /// # Errors
     /// [`Error::Internal`] if the system gives no threads.
     pub fn new(store: Store, config: &Config, metrics: Arc<Metrics>) -> Result<Self> {
+        Self::with_work(store, config, metrics, reconstruction::run)
+    }
+
+    fn with_work(store: Store, config: &Config, metrics: Arc<Metrics>, work: Work) -> Result<Self> {
+        let threads = rayon::ThreadPoolBuilder::new()
+            .num_threads(config.jobs.threads)
+            .thread_name(|index| format!("pipeline-{index}"))
+            .build()
+            .map_err(Error::internal)?;
         let shared = Shared {
             store,
             settings: config.jobs.clone(),
+            limits: config.read_limits(),
             metrics,
             hub: Arc::default(),
             wakeup: Arc::default(),
+            work,
+            threads: Arc::new(threads),
+            running: Mutex::default(),
         };
         Ok(Self { shared: Arc::new(shared) })
     }
@@ -105,6 +138,9 @@ impl Jobs {
     pub async fn cancel(&self, id: ReconstructionId) -> Result<ReconstructionRecord> {
         let before = self.shared.store.reconstruction(id).await?.map(|record| record.state);
         let record = self.shared.store.cancel(id).await?;
+        if let Some(watch) = self.shared.running().get(&id) {
+            watch.stop(watch::Stop::Cancelled);
+        }
         if before == Some(ReconstructionState::Queued) && record.state == ReconstructionState::Cancelled {
             tracing::info!(reconstruction = %id, series = %record.series_instance_uid, "reconstruction cancelled");
             self.shared.metrics.job_finished(record.state);
@@ -124,11 +160,29 @@ impl Jobs {
     /// all, what an earlier process was running is put back: this one holds the data directory.
     pub async fn run(&self, shutdown: CancellationToken) {
         self.shared.reclaim(Reclaim::All).await;
-        shutdown.cancelled().await;
+        let mut workers = tokio::task::JoinSet::new();
+        for number in 0..self.shared.settings.workers {
+            let name = format!("{}-{number}", std::process::id());
+            workers.spawn(worker::run(Arc::clone(&self.shared), name, shutdown.clone()));
+        }
+        let mut reclaim = tokio::time::interval(worker::LEASE / 2);
+        while !workers.is_empty() {
+            tokio::select! {
+                Some(ended) = workers.join_next() => if let Err(panic) = ended {
+                    tracing::error!(error = %panic, "a worker panicked");
+                    workers.spawn(worker::run(Arc::clone(&self.shared), "replacement".to_owned(), shutdown.clone()));
+                },
+                _ = reclaim.tick() => self.shared.reclaim(Reclaim::Expired).await,
+            }
+        }
     }
 }
 
 impl Shared {
+    fn running(&self) -> MutexGuard<'_, HashMap<ReconstructionId, Arc<watch::Watch>>> {
+        self.running.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Puts back what has lost its worker.
     async fn reclaim(&self, which: Reclaim) {
         match self.store.reclaim(which, self.settings.max_attempts).await {

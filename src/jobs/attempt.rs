@@ -1,0 +1,116 @@
+//! One attempt at a claimed reconstruction: the pipeline on its own threads, watched from here.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::time::{MissedTickBehavior, interval};
+use tokio_util::sync::CancellationToken;
+
+use super::Shared;
+use super::watch::{Stop, Watch};
+use super::worker::LEASE;
+use crate::error::Error;
+use crate::reconstruction::{Failure, Product, RefusedInstance};
+use crate::store::{Claim, Heartbeat};
+
+/// How often progress goes to the catalog, which also keeps the claim.
+const HEARTBEAT: Duration = Duration::from_millis(500);
+
+/// How an attempt ended.
+#[derive(Debug)]
+pub(super) enum Ended {
+    /// Clouds and report, not stored yet.
+    Done(Box<Product>),
+    /// No cloud.
+    Failed(Failure),
+    /// It was asked to stop, and did.
+    Stopped(Stop),
+}
+
+impl Shared {
+    /// Runs the claimed reconstruction to its end, or until it must stop.
+    pub(super) async fn attempt(
+        &self,
+        claim: &Claim,
+        watch: &Arc<Watch>,
+        shutdown: &CancellationToken,
+    ) -> Ended {
+        let prepared = async {
+            let instances = self.store.instances_of(&claim.reconstruction).await?;
+            let refused = self.store.refused(&claim.reconstruction.series_instance_uid).await?;
+            Ok::<_, Error>((self.store.instance_source(&instances), refused))
+        };
+        let (source, refused) = match prepared.await {
+            Ok(prepared) => prepared,
+            Err(error) => return Ended::Failed(failure_of(&error)),
+        };
+        let parameters = claim.reconstruction.parameters.clone();
+        let limits = self.limits;
+        let (threads, observer, work) = (Arc::clone(&self.threads), Arc::clone(watch), self.work);
+        let mut running = tokio::task::spawn_blocking(move || {
+            threads.install(|| work(&source, &parameters, &limits, &*observer))
+        });
+
+        let mut heartbeat = interval(HEARTBEAT);
+        heartbeat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let result = loop {
+            tokio::select! {
+                result = &mut running => break result,
+                () = shutdown.cancelled(), if watch.stopped().is_none() => watch.stop(Stop::ShuttingDown),
+                _ = heartbeat.tick() => self.heartbeat(claim, watch).await,
+            }
+        };
+        let refused = refused.into_iter().map(|refused| RefusedInstance {
+            sop_instance_uid: refused.sop_instance_uid,
+            code: refused.code,
+            times: refused.times,
+        });
+        match (result, watch.stopped()) {
+            (Ok(Ok(mut product)), _) => {
+                product.report.refused = refused.collect();
+                Ended::Done(Box::new(product))
+            }
+            (Ok(Err(failure)), Some(stop)) if failure.code == Failure::CANCELLED => Ended::Stopped(stop),
+            (Ok(Err(mut failure)), _) => {
+                if let Some(report) = &mut failure.report {
+                    report.refused = refused.collect();
+                }
+                Ended::Failed(failure)
+            }
+            (Err(panic), _) => {
+                tracing::error!(reconstruction = %claim.lease.id, error = %panic, "the reconstruction panicked");
+                Ended::Failed(passing("internal", "an internal fault; the service's log has the cause"))
+            }
+        }
+    }
+
+    /// Writes progress and keeps the claim; a claim that is lost stops the attempt.
+    async fn heartbeat(&self, claim: &Claim, watch: &Watch) {
+        let (stage, fraction) = watch.now();
+        match self.store.heartbeat(&claim.lease, stage, fraction, LEASE).await {
+            Ok(Heartbeat::Ours) => {}
+            Ok(Heartbeat::CancelRequested) => watch.stop(Stop::Cancelled),
+            Ok(Heartbeat::Lost) => watch.stop(Stop::Lost),
+            Err(error) => {
+                tracing::warn!(reconstruction = %claim.lease.id, error = ?error, "progress could not be written");
+            }
+        }
+    }
+}
+
+/// The failure that an error of the store is: lasting if the instances are gone, passing otherwise.
+pub(super) fn failure_of(error: &Error) -> Failure {
+    let code = error.mapping().code.replace('-', "_");
+    let transient = !matches!(error, Error::SourceRemoved);
+    Failure { transient, ..passing(&code, &error.to_string()) }
+}
+
+fn passing(code: &str, detail: &str) -> Failure {
+    Failure {
+        code: code.to_owned(),
+        detail: detail.to_owned(),
+        instances: Vec::new(),
+        report: None,
+        transient: true,
+    }
+}
