@@ -7,6 +7,7 @@ mod phantom;
 mod reconstruct;
 mod serve;
 mod settings;
+mod signals;
 mod token;
 
 use std::process::ExitCode;

@@ -3,8 +3,13 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
+use tokio::runtime::Runtime;
+
+use super::signals::Signals;
 use super::{Failed, Settings};
 use crate::config::Config;
+use crate::service::{Service, StartError};
+use crate::telemetry::init_logging;
 
 /// Run the service: DICOM and HTTP in, clouds out
 #[derive(Debug, clap::Args)]
@@ -39,6 +44,46 @@ impl Args {
 }
 
 pub(super) fn run(args: Args) -> Result<(), Failed> {
-    let _config = args.config()?;
-    Err(Failed::internal("the service is not part of this build"))
+    let config = args.config()?;
+    init_logging(&config.log).map_err(Failed::usage)?;
+    let runtime = Runtime::new().map_err(Failed::internal)?;
+    let outcome = runtime.block_on(serve(config));
+    // A pipeline that did not stop in time must not hold the process.
+    runtime.shutdown_background();
+    outcome
+}
+
+async fn serve(config: Config) -> Result<(), Failed> {
+    // Before anything says ready: a signal that comes early must stop us gracefully too.
+    let mut signals = Signals::new().map_err(Failed::internal)?;
+    let ae_title = config.dimse.ae_title.clone();
+    let mut service = Service::start(config).await.map_err(refusal)?;
+    // Scripts wait for this line and read the ports from it.
+    println!(
+        "{} is ready: http://{} DICOM {ae_title}@{}",
+        crate::SOFTWARE,
+        service.http_addr(),
+        service.dimse_addr()
+    );
+    let broken = tokio::select! {
+        () = signals.next() => None,
+        part = service.broken() => Some(part),
+    };
+    let shutdown = service.shutdown();
+    tokio::select! {
+        _in_time = shutdown => {}
+        // Asked twice: at once. Nothing acknowledged is lost.
+        () = signals.next() => {}
+    }
+    match broken {
+        None => Ok(()),
+        Some(part) => Err(Failed::internal(format!("{part} stopped by itself; the log has the cause"))),
+    }
+}
+
+fn refusal(error: StartError) -> Failed {
+    match error {
+        StartError::Config(error) => Failed::usage(error),
+        other => Failed::internal(other),
+    }
 }

@@ -39,8 +39,13 @@ impl Fixture {
             let mut spool = intake.begin().await.unwrap();
             spool.write(&bytes).await.unwrap();
             let sender = Sender::Upload { id: Uuid::nil() };
-            let announced =
-                Announced { encoding: Encoding::Part10, sop_class_uid: None, sop_instance_uid: None, sender };
+            let announced = Announced {
+                encoding: Encoding::Part10,
+                sop_class_uid: None,
+                sop_instance_uid: None,
+                study_instance_uid: None,
+                sender,
+            };
             intake.store(spool, announced).await.unwrap();
         }
         let series = phantom.identity().series_instance_uid;

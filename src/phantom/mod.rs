@@ -16,8 +16,8 @@ use std::path::{Path, PathBuf};
 
 pub use options::{Acquisition, InvalidOptions, Options, Order, PatientPosition};
 
-use crate::dicom::Volume;
 use crate::dicom::uid::SopInstanceUid;
+use crate::dicom::{SeriesIdentity, Volume};
 use crate::geometry::{Grid, Vec3};
 use anatomy::{Head, Pose};
 
@@ -45,6 +45,12 @@ impl Phantom {
     #[must_use]
     pub fn options(&self) -> &Options {
         &self.options
+    }
+
+    /// The identifiers that its instances carry.
+    #[must_use]
+    pub fn identity(&self) -> SeriesIdentity {
+        uids::identity(&self.options)
     }
 
     /// mm from the true skin to a point in LPS mm, positive outside the head.

@@ -1,9 +1,15 @@
 //! What the tests share.
 
+pub(crate) mod bytes;
+pub(crate) mod client;
 pub(crate) mod data;
 pub(crate) mod dimse;
 pub(crate) mod entrance;
 pub(crate) mod instances;
+pub(crate) mod memory;
+pub(crate) mod pacs;
+pub(crate) mod phantom;
 pub(crate) mod published;
 pub(crate) mod scu;
+pub(crate) mod service;
 pub(crate) mod slice;
