@@ -1,9 +1,17 @@
 //! Makes an instance durable, groups it into its series, notices that a series is complete.
 //!
-//! The way of an instance: `Intake::begin` gives a spool file in `data_dir/incoming`; the bytes
-//! are appended to it as they arrive; `Intake::store` runs the bounded scan over it, syncs it,
-//! moves it to its place among the blobs, syncs the folder and enters it in the catalog, all
-//! before it returns. Only then may anybody acknowledge it.
+//! The way of an instance: [`Intake::begin`] gives a [`Spool`], the bytes are appended to it as they
+//! arrive; [`Intake::store`] runs the bounded scan over them, writes our file header and the
+//! untouched data set to a file, syncs it, moves it to its place among the blobs, syncs the folder
+//! and enters it in the catalog, all before it returns. Only then may anybody acknowledge it.
+//!
+//! | file | what |
+//! |---|---|
+//! | `spool` | bytes as they arrive, within the limit |
+//! | `examination` | the scan, and whether the data set is what was announced |
+//! | `receipt` | durable, with a row: or a reason why not |
+//! | `duplicate` | an instance whose UID is stored already |
+//! | `completeness` | when a series is complete |
 
 mod completeness;
 mod duplicate;

@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 use std::fs::{self, File, TryLockError};
 use std::io;
+use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -116,7 +117,7 @@ impl Store {
 /// The locked folder with its subfolders.
 fn prepare(root: &Path) -> Result<(File, Files), OpenError> {
     let unusable = |cause: io::Error| OpenError::Unusable { path: root.to_owned(), cause: cause.into() };
-    fs::create_dir_all(root).map_err(unusable)?;
+    make_root(root).map_err(unusable)?;
     let lock =
         File::options().create(true).truncate(false).write(true).open(root.join(LOCK)).map_err(unusable)?;
     match lock.try_lock() {
@@ -126,4 +127,21 @@ fn prepare(root: &Path) -> Result<(File, Files), OpenError> {
     }
     let files = Files::open(root).map_err(unusable)?;
     Ok((lock, files))
+}
+
+/// Makes the data directory, for its owner's eyes only, so that a power cut can't take it away
+/// again.
+fn make_root(root: &Path) -> io::Result<()> {
+    if root.is_dir() {
+        return Ok(());
+    }
+    if let Some(parent) = root.parent().filter(|parent| !parent.as_os_str().is_empty()) {
+        make_root(parent)?;
+    }
+    match fs::DirBuilder::new().mode(0o700).create(root) {
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => return Err(error),
+        _ => {}
+    }
+    let parent = root.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    File::open(parent)?.sync_all()
 }

@@ -60,7 +60,7 @@ impl Catalog {
         }
         upsert_series(&mut tx, new, now).await?;
         insert(&mut tx, new, now).await?;
-        senders::heard(&mut tx, uid, sender, &self.process, now + policy.quiet_ms).await?;
+        senders::heard(&mut tx, uid, sender, &self.process, policy).await?;
 
         let instances = before.as_ref().map_or(0, |series| series.instances) + 1;
         let whole = senders::expected(&mut tx, uid).await?.is_some_and(|expected| instances >= expected);

@@ -7,6 +7,7 @@
 mod completion;
 mod dialect;
 mod instances;
+mod leases;
 mod queue;
 mod reconstructions;
 mod retention;

@@ -21,7 +21,7 @@ impl Catalog {
         policy: &Policy,
     ) -> Result<()> {
         let mut tx = self.begin().await?;
-        heard(&mut tx, uid, sender, &self.process, now_ms() + policy.quiet_ms).await?;
+        heard(&mut tx, uid, sender, &self.process, policy).await?;
         Ok(tx.commit().await?)
     }
 
@@ -29,7 +29,7 @@ impl Catalog {
     pub(crate) async fn sender_ended(&self, sender: Uuid, policy: &Policy) -> Result<()> {
         let mut tx = self.begin().await?;
         for uid in forget(&mut tx, sender).await? {
-            hasten(&mut tx, &uid, now_ms() + policy.quiet_after_association_ms).await?;
+            hasten(&mut tx, &uid, policy).await?;
         }
         Ok(tx.commit().await?)
     }
@@ -44,7 +44,7 @@ impl Catalog {
                 .await?,
         );
         for uid in orphaned {
-            hasten(&mut tx, &uid, now_ms() + policy.quiet_after_association_ms).await?;
+            hasten(&mut tx, &uid, policy).await?;
         }
         Ok(tx.commit().await?)
     }
@@ -62,7 +62,7 @@ impl Catalog {
         for uid in forget(&mut tx, sender).await? {
             let instances = series::one(&mut tx, &uid).await?.map_or(0, |series| series.instances);
             let waits = expected(&mut tx, &uid).await?.is_some_and(|expected| instances < expected)
-                || is_being_sent(&mut tx, &uid).await?;
+                || is_being_sent(&mut tx, &uid, policy).await?;
             let completion = if waits {
                 None
             } else {
@@ -163,18 +163,20 @@ pub(super) async fn heard(
     uid: &SeriesInstanceUid,
     sender: Uuid,
     process: &str,
-    due_ms: i64,
+    policy: &Policy,
 ) -> Result<()> {
+    let now = now_ms();
     sqlx::query(
-        "INSERT INTO open_senders (sender, series_uid, process) VALUES ($1, $2, $3) \
-         ON CONFLICT (sender, series_uid) DO NOTHING",
+        "INSERT INTO open_senders (sender, series_uid, process, heard_ms) VALUES ($1, $2, $3, $4) \
+         ON CONFLICT (sender, series_uid) DO UPDATE SET heard_ms = excluded.heard_ms",
     )
     .bind(sender.to_string())
     .bind(uid.as_str())
     .bind(process)
+    .bind(now)
     .execute(&mut *connection)
     .await?;
-    set_due(connection, uid, due_ms, CompleteReason::Quiet).await
+    set_due(connection, uid, now + policy.quiet_ms, CompleteReason::Quiet).await
 }
 
 /// Sets the deadline of a series that is receiving.
@@ -204,9 +206,17 @@ pub(super) async fn expected(connection: &mut Connection, uid: &SeriesInstanceUi
     Ok(row.map(|row| rows::number(&row, "expected_instances")).transpose()?)
 }
 
-async fn is_being_sent(connection: &mut Connection, uid: &SeriesInstanceUid) -> Result<bool> {
-    let senders: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM open_senders WHERE series_uid = $1")
+/// Whether an open sender sent something of the series within the quiet time: one that is open but
+/// silent for longer keeps nothing waiting.
+async fn is_being_sent(
+    connection: &mut Connection,
+    uid: &SeriesInstanceUid,
+    policy: &Policy,
+) -> Result<bool> {
+    let heard = "SELECT COUNT(*) FROM open_senders WHERE series_uid = $1 AND heard_ms > $2";
+    let senders: i64 = sqlx::query_scalar(heard)
         .bind(uid.as_str())
+        .bind(now_ms() - policy.quiet_ms)
         .fetch_one(connection)
         .await?;
     Ok(senders > 0)
@@ -222,8 +232,8 @@ async fn forget(connection: &mut Connection, sender: Uuid) -> Result<Vec<SeriesI
 }
 
 /// A sender of the series ended: if it was the last one, the deadline comes nearer.
-async fn hasten(connection: &mut Connection, uid: &SeriesInstanceUid, due_ms: i64) -> Result<()> {
-    if is_being_sent(connection, uid).await? {
+async fn hasten(connection: &mut Connection, uid: &SeriesInstanceUid, policy: &Policy) -> Result<()> {
+    if is_being_sent(connection, uid, policy).await? {
         return Ok(());
     }
     sqlx::query(
@@ -231,7 +241,7 @@ async fn hasten(connection: &mut Connection, uid: &SeriesInstanceUid, due_ms: i6
          WHERE series_uid = $1 AND state = 'receiving' AND (due_ms IS NULL OR due_ms > $2)",
     )
     .bind(uid.as_str())
-    .bind(due_ms)
+    .bind(now_ms() + policy.quiet_after_association_ms)
     .bind(CompleteReason::AssociationEnded.name())
     .execute(connection)
     .await?;

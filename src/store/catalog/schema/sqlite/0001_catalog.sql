@@ -71,10 +71,11 @@ CREATE TABLE expectations (
 
 -- Associations and uploads that have sent something of a series and have not ended.
 CREATE TABLE open_senders (
-    sender     TEXT NOT NULL,
-    series_uid TEXT NOT NULL REFERENCES series (series_uid) ON DELETE CASCADE,
+    sender     TEXT   NOT NULL,
+    series_uid TEXT   NOT NULL REFERENCES series (series_uid) ON DELETE CASCADE,
     -- The process that serves it: senders of a dead process have ended.
-    process    TEXT NOT NULL,
+    process    TEXT   NOT NULL,
+    heard_ms   BIGINT NOT NULL,
     PRIMARY KEY (sender, series_uid)
 );
 CREATE INDEX open_senders_by_series ON open_senders (series_uid);
