@@ -2,13 +2,17 @@
 
 mod demo;
 mod exit;
+mod inputs;
 mod openapi;
+mod output;
 mod phantom;
+mod progress;
 mod reconstruct;
 mod serve;
 mod settings;
 mod signals;
 mod token;
+mod values;
 
 use std::process::ExitCode;
 

@@ -1,0 +1,81 @@
+//! Which series of the input.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use crate::cli::inputs::{Inputs, Selected};
+use crate::cli::{Exit, Failed};
+use crate::dicom::header::InstanceHeader;
+use crate::dicom::series::unfit;
+use crate::dicom::uid::SeriesInstanceUid;
+use crate::store::UnfitReason;
+
+struct Candidate {
+    uid: SeriesInstanceUid,
+    files: Vec<usize>,
+    headers: Vec<InstanceHeader>,
+    unfit: Option<UnfitReason>,
+}
+
+/// The series that is asked for, or the one that can be reconstructed.
+pub(super) fn series<'a>(
+    inputs: &'a Inputs,
+    wanted: Option<&SeriesInstanceUid>,
+    min_slices: usize,
+) -> Result<Selected<'a>, Failed> {
+    let candidates = candidates(inputs, min_slices);
+    if candidates.is_empty() {
+        let message = format!("no DICOM instance that can be used among {} files", inputs.len());
+        return Err(Failed::new(Exit::Input, message));
+    }
+    let list = listed(&candidates);
+    let chosen = match wanted {
+        Some(uid) => candidates
+            .into_iter()
+            .find(|candidate| candidate.uid == *uid)
+            .ok_or_else(|| Failed::usage(format!("the input has no series {uid}; it has\n{list}")))?,
+        None => the_one_that_fits(candidates, &list)?,
+    };
+    if let Some(reason) = chosen.unfit {
+        let message = format!("{reason}: series {} can't be reconstructed\n{list}", chosen.uid);
+        return Err(Failed::new(Exit::Series, message));
+    }
+    Ok(Selected { inputs, files: chosen.files })
+}
+
+fn the_one_that_fits(candidates: Vec<Candidate>, list: &str) -> Result<Candidate, Failed> {
+    let mut fit: Vec<_> = candidates.into_iter().filter(|candidate| candidate.unfit.is_none()).collect();
+    match (fit.pop(), fit.len()) {
+        (Some(only), 0) => Ok(only),
+        (Some(_), _) => Err(Failed::usage(format!("several series: choose one by --series UID\n{list}"))),
+        (None, _) => Err(Failed::new(Exit::Series, format!("no series can be reconstructed\n{list}"))),
+    }
+}
+
+/// By UID, so that the order of files does not matter.
+fn candidates(inputs: &Inputs, min_slices: usize) -> Vec<Candidate> {
+    let mut series: BTreeMap<_, (Vec<usize>, Vec<InstanceHeader>)> = BTreeMap::new();
+    for (file, header) in &inputs.instances {
+        let (files, headers) = series.entry(&header.series_instance_uid).or_default();
+        files.push(*file);
+        headers.push(header.clone());
+    }
+    series
+        .into_iter()
+        .map(|(uid, (files, headers))| {
+            let unfit = unfit(&headers, min_slices);
+            Candidate { uid: uid.clone(), files, headers, unfit }
+        })
+        .collect()
+}
+
+fn listed(candidates: &[Candidate]) -> String {
+    let mut list = String::new();
+    for Candidate { uid, headers, unfit, .. } in candidates {
+        let description = headers.iter().find_map(|header| header.series_description.as_deref());
+        let state = unfit.map_or("can be reconstructed", UnfitReason::name);
+        let (count, description) = (headers.len(), description.unwrap_or("no description"));
+        writeln!(list, "  {uid}  {count} instances  {description}  ({state})").expect("writing to a string");
+    }
+    list.trim_end().to_owned()
+}
