@@ -49,7 +49,9 @@ impl Archive {
         }
         let limit = config.http.max_unpacked_bytes;
         if unpacked > limit {
-            return Err(refuse(format!("unpacks to more than {limit} bytes (setting http.max_unpacked_bytes)")));
+            return Err(refuse(format!(
+                "unpacks to more than {limit} bytes (setting http.max_unpacked_bytes)"
+            )));
         }
         entries.sort_by(|a, b| a.1.cmp(&b.1));
         Ok(Self { zip: Mutex::new(zip), entries, max_instance_bytes: config.intake.max_instance_bytes })

@@ -12,7 +12,8 @@ pub(super) fn print(report: &Report) {
         println!("warning      {}: {}", warning.code.name(), warning.detail);
     }
     for plane in &report.planes {
-        let reasons: Vec<_> = plane.rejected.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
+        let reasons: Vec<_> =
+            plane.rejected.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
         println!(
             "{:12} {} of {} slices accepted{}{}",
             plane.plane.name(),
@@ -25,9 +26,5 @@ pub(super) fn print(report: &Report) {
     let figures = &report.figures;
     println!("points       {} ({} after merging)", figures.after_statistical, figures.merged);
     println!("unique       {} ({:.2} %)", figures.unique, 100.0 * figures.unique_share);
-    println!(
-        "over axial   {} ({:.2} %)",
-        figures.additional_over_axial,
-        100.0 * figures.additional_share
-    );
+    println!("over axial   {} ({:.2} %)", figures.additional_over_axial, 100.0 * figures.additional_share);
 }
