@@ -75,12 +75,6 @@ impl Phantom {
         skin::points(&self.head, &self.pose, &self.grid(), spacing_mm)
     }
 
-    /// Study, series and frame of reference: under 2.25, derived from the options.
-    #[must_use]
-    pub fn identity(&self) -> SeriesIdentity {
-        uids::identity(&self.options)
-    }
-
     /// Where the scan's voxels are.
     #[must_use]
     pub fn grid(&self) -> Grid {
