@@ -3,6 +3,7 @@
 pub(crate) mod bytes;
 pub(crate) mod client;
 pub(crate) mod data;
+pub(crate) mod dicom;
 pub(crate) mod dimse;
 pub(crate) mod entrance;
 pub(crate) mod instances;
