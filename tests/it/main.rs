@@ -1,5 +1,6 @@
 //! One binary for all tests that go through the doors that users use.
 
+mod dicom_decode;
 mod dicom_scan;
 mod dimse_association;
 mod dimse_conformance;
