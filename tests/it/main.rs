@@ -2,6 +2,8 @@
 
 mod dicom_decode;
 mod dicom_scan;
+mod dicom_series;
+mod dicom_tables;
 mod dimse_association;
 mod dimse_conformance;
 mod dimse_scu;

@@ -23,11 +23,12 @@ pub(super) struct Instance {
     pub(super) is_lossy: bool,
     pub(super) photometric: Option<String>,
     pub(super) matrix: Option<(u16, u16)>,
+    pub(super) number: Option<i64>,
     pub(super) frames: Vec<Frame>,
 }
 
 /// One frame. `None` marks what is missing or unusable.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Frame {
     pub(super) geometry: Option<Geometry>,
     pub(super) rescale: Option<Rescale>,
@@ -74,11 +75,16 @@ impl Instance {
         let count = top.integer(tags::NUMBER_OF_FRAMES).unwrap_or(1);
         let shared = top.items(tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE).next();
         let per_frame: Vec<_> = top.items(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE).collect();
-        // A count that no functional groups back has no geometry either: one frame stands for all.
-        let described = usize::try_from(count).unwrap_or(0).min(per_frame.len()).max(1);
-        let frames = (0..described)
-            .map(|index| Groups { top, shared, own: per_frame.get(index).copied() }.frame())
-            .collect();
+        let is_described =
+            usize::try_from(count) == Ok(per_frame.len()) || (count == 1 && per_frame.is_empty());
+        let frames = if is_described {
+            (0..per_frame.len().max(1))
+                .map(|index| Groups { top, shared, own: per_frame.get(index).copied() }.frame())
+                .collect()
+        } else {
+            // Frames without functional groups have no place; one stands for all of them.
+            vec![Frame::default()]
+        };
         let lossy_flag = top.text(tags::LOSSY_IMAGE_COMPRESSION).is_some_and(|text| text == "01");
         Some(Self {
             sop_class_uid: top.uid(tags::SOP_CLASS_UID),
@@ -92,6 +98,7 @@ impl Instance {
             is_lossy: data_set.syntax.lossy || lossy_flag,
             photometric: top.text(tags::PHOTOMETRIC_INTERPRETATION),
             matrix: top.u16(tags::ROWS).zip(top.u16(tags::COLUMNS)),
+            number: top.integer(tags::INSTANCE_NUMBER),
             frames,
         })
     }

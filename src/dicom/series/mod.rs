@@ -18,6 +18,7 @@ use super::scan::{Limits, ScanError};
 use super::source::InstanceSource;
 use super::uid::SopInstanceUid;
 use super::{SeriesIdentity, Volume};
+use crate::geometry::Axis;
 use crate::pipeline::{Observer, Stage};
 
 use frame::Instance;
@@ -85,6 +86,9 @@ pub fn read(
     check::warn(&slices, &instances, &mut warnings);
     if orientation.slices.flipped {
         slices.reverse();
+    }
+    if orientation.slices.axis == Axis::Z {
+        stack::warn_of_descending(&slices, &mut warnings);
     }
     let (rows, columns) = slices[0].matrix.map_or((0, 0), |(r, c)| (usize::from(r), usize::from(c)));
     let hu = voxels::read(source, &slices, orientation, limits, observer, &mut warnings)?;

@@ -14,6 +14,8 @@ pub(super) struct Slice {
     /// Index of its frame in the instance.
     pub(super) frame_index: usize,
     pub(super) frame: Frame,
+    /// Instance Number (0020,0013). Tells nothing of the place.
+    pub(super) number: Option<i64>,
     pub(super) sop_instance_uid: SopInstanceUid,
     pub(super) series_instance_uid: Option<SeriesInstanceUid>,
     pub(super) frame_of_reference_uid: Option<FrameOfReferenceUid>,
@@ -61,6 +63,7 @@ pub(super) fn candidates(
                 source,
                 frame_index,
                 frame: frame.clone(),
+                number: instance.number,
                 sop_instance_uid: instance.sop_instance_uid.clone(),
                 series_instance_uid: instance.series_instance_uid.clone(),
                 frame_of_reference_uid: instance.frame_of_reference_uid.clone(),

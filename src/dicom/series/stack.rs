@@ -112,6 +112,17 @@ fn is_whole_multiple(ratio: f64) -> bool {
     whole >= 2.0 && (ratio - whole).abs() <= WHOLE * whole.min(3.0)
 }
 
+/// Warns of instances that are numbered from head to feet. The stack is sorted from the head down.
+pub(super) fn warn_of_descending(slices: &[Slice], warnings: &mut Vec<Warning>) {
+    let numbers: Option<Vec<_>> = slices.iter().map(|slice| slice.number).collect();
+    if numbers.is_some_and(|numbers| numbers.is_sorted_by(|a, b| a < b)) {
+        warnings.push(Warning {
+            code: WarningCode::Descending,
+            detail: "the instances are numbered from head to feet".into(),
+        });
+    }
+}
+
 /// Warns of tilt, of variable and of thick spacing. The stack is sorted along `normal`.
 pub(super) fn warn(slices: &[Slice], normal: Vec3, warnings: &mut Vec<Warning>) {
     let (Some(first), Some(last)) = (slices.first(), slices.last()) else { return };

@@ -37,7 +37,7 @@ codes! {
     AnisotropicPixels = "anisotropic_pixels",
     /// Slices lie further apart than 3 mm: the surface is coarse.
     ThickSlices = "thick_slices",
-    /// The instance numbers run from head to feet, against the patient's z axis.
+    /// The instances are numbered from head to feet.
     Descending = "descending",
     /// The scan's axes were permuted or flipped to the patient's: not an axial, supine, head-first
     /// acquisition.
