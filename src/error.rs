@@ -234,6 +234,9 @@ impl From<std::io::Error> for Error {
 
 impl From<sqlx::Error> for Error {
     fn from(error: sqlx::Error) -> Self {
+        if matches!(error, sqlx::Error::PoolTimedOut) {
+            return Self::Busy("the catalog has too much to do");
+        }
         // SQLITE_FULL: the catalog could not grow.
         let full = error.as_database_error().and_then(|e| e.code()).is_some_and(|code| code == "13");
         if full { Self::OutOfStorage } else { Self::internal(error) }

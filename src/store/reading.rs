@@ -154,10 +154,15 @@ impl Store {
     }
 
     async fn result_blob(&self, id: ReconstructionId, name: &str) -> Result<Vec<u8>> {
-        let prefix = self.0.catalog.result_of(id).await?;
-        let prefix = prefix.ok_or_else(|| Error::NotFound { what: "reconstruction", id: id.to_string() })?;
+        let removed = || Error::NotFound { what: "reconstruction", id: id.to_string() };
+        let prefix = self.0.catalog.result_of(id).await?.ok_or_else(removed)?;
         let (blobs, key) = (Arc::clone(&self.0.blobs), format!("{prefix}/{name}"));
-        blocking(move || Ok(blobs.read(&key)?)).await
+        // A blob that is gone was removed since its row was read.
+        let bytes = blocking(move || match blobs.read(&key) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            read => Ok(Some(read?)),
+        });
+        bytes.await?.ok_or_else(removed)
     }
 }
 

@@ -67,6 +67,11 @@ async fn the_expected_number_completes_whenever_it_was_said() {
     entrance.send_all(Uuid::new_v4(), 1, 4..5).await;
     assert_eq!(entrance.series(1).await.complete_reason, Some(CompleteReason::ExpectedInstances));
 
+    // More than were expected: the number was wrong, so that each further one waits for quiet.
+    entrance.send_all(Uuid::new_v4(), 1, 5..7).await;
+    assert_eq!(entrance.series(1).await.state, SeriesState::Receiving);
+    assert_eq!(reconstructions(&entrance, 1).await, 1);
+
     entrance.send_all(Uuid::new_v4(), 2, 11..15).await;
     entrance.intake.expect(&Slice::of(2, 0).series_uid(), 4).await.unwrap();
     assert_eq!(entrance.series(2).await.complete_reason, Some(CompleteReason::ExpectedInstances));

@@ -63,7 +63,8 @@ impl Catalog {
         senders::heard(&mut tx, uid, sender, &self.process, policy).await?;
 
         let instances = before.as_ref().map_or(0, |series| series.instances) + 1;
-        let whole = senders::expected(&mut tx, uid).await?.is_some_and(|expected| instances >= expected);
+        // Exactly: one more than expected shows that the number was wrong, and the quiet times count.
+        let whole = senders::expected(&mut tx, uid).await? == Some(instances);
         let completion = if whole {
             Some(complete(&mut tx, uid, CompleteReason::ExpectedInstances, policy, now).await?)
         } else {
