@@ -5,8 +5,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use ndarray::Array3;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
+use super::bitmap::Bitmap;
 use super::contour::{Pixel, outline};
-use super::mask::mask;
+use super::mask;
 use super::observer::{Observer, Stage};
 use super::outcome::{PipelineError, SliceRow};
 use super::parameters::Parameters;
@@ -73,26 +74,36 @@ fn candidates(
 ) -> Result<Vec<Option<Candidate>>, PipelineError> {
     let (nz, ny, nx) = hu.dim();
     let count = slices::count([nz, ny, nx], plane);
+    let block = mask::block(plane);
     let done = AtomicUsize::new(0);
     observer.progress(stage, 0.0);
-    (0..count)
+    let blocks: Vec<Vec<Option<Candidate>>> = (0..count.div_ceil(block))
         .into_par_iter()
-        .map(|index| {
+        .map(|number| {
+            let indices = number * block..count.min((number + 1) * block);
             if observer.cancelled() {
                 return Err(PipelineError::Cancelled);
             }
-            let candidate = candidate(hu, plane, index, parameters);
-            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            #[expect(clippy::cast_precision_loss, reason = "numbers of slices")]
-            observer.progress(stage, done as f64 / count as f64);
-            Ok(candidate)
+            let masks = mask::masks(hu, plane, indices, parameters).into_iter();
+            masks
+                .map(|mask| {
+                    if observer.cancelled() {
+                        return Err(PipelineError::Cancelled);
+                    }
+                    let candidate = candidate(mask, plane, parameters);
+                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    #[expect(clippy::cast_precision_loss, reason = "numbers of slices")]
+                    observer.progress(stage, done as f64 / count as f64);
+                    Ok(candidate)
+                })
+                .collect()
         })
-        .collect()
+        .collect::<Result<_, _>>()?;
+    Ok(blocks.into_iter().flatten().collect())
 }
 
-fn candidate(hu: &Array3<i16>, plane: Plane, index: usize, parameters: &Parameters) -> Option<Candidate> {
-    let slice = slices::view(hu, plane, index)?;
-    let outline = outline(mask(slice, parameters), plane, &parameters.thresholds.contour)?;
+fn candidate(mask: Bitmap, plane: Plane, parameters: &Parameters) -> Option<Candidate> {
+    let outline = outline(mask, plane, &parameters.thresholds.contour)?;
     let findings = Findings::of(&outline, &parameters.thresholds);
     Some(Candidate { findings, contour: outline.contour.pixels })
 }
