@@ -70,6 +70,6 @@ fn last_row(picture: &Bitmap, limits: &RowCrossingsLowerThresholds) -> Option<us
     (height / 2..height)
         .step_by(limits.row_step.max(1) as usize)
         .filter(|&row| picture.is_white(row, picture.width() / 2))
-        .last()
+        .next_back()
         .or_else(|| height.checked_sub(limits.fallback_margin as usize))
 }
