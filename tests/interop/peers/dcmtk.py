@@ -38,6 +38,8 @@ def run(checks, service, phantom, work, shared):
         checks.that(f'storescu, {name}: {len(series.files)} × 0x0000',
                     done.returncode == 0 and stored == len(series.files), done.stdout[-1500:])
     for name, series, _ in pushes:
+        sent = {dataset.file_meta.TransferSyntaxUID for dataset in series.datasets()}
+        checks.equal(f'storescu, {name}: stored as it came', service.stored_syntaxes(series), sent)
         service.check(checks, f'storescu, {name}', series)
 
     # One series over four associations at once: still one series, one reconstruction.

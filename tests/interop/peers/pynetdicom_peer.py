@@ -1,4 +1,5 @@
 """pynetdicom: tiny PDUs, many contexts, an abort in mid-transfer, statuses, release."""
+import time
 from io import BytesIO
 
 from pydicom.uid import (
@@ -21,7 +22,26 @@ def associate(service, contexts, max_pdu=16_382):
     ae.acse_timeout = ae.dimse_timeout = ae.network_timeout = 60
     association = ae.associate('127.0.0.1', service.dimse_port, contexts, ae_title=AE_TITLE, max_pdu=max_pdu)
     assert association.is_established, 'the association is not established'
+    park(association)
     return association
+
+
+def park(association):
+    """Keeps pynetdicom's own thread from taking the answer that `send_c_store` waits for.
+
+    `send_c_store` pauses that thread by a flag which the thread raises before it really waits, so that on
+    a busy machine it may run once more and swallow the answer. Parked for good it can't.
+    """
+    checkpoint = association._reactor_checkpoint
+    checkpoint.set = lambda: None
+    checkpoint.clear()
+    time.sleep(0.5)
+
+
+def unpark(association):
+    checkpoint = association._reactor_checkpoint
+    del checkpoint.set
+    checkpoint.set()
 
 
 def push(association, series):
@@ -30,6 +50,7 @@ def push(association, series):
 
 def release(checks, what, association):
     association.release()
+    unpark(association)
     checks.that(f'{what}: released', association.is_released and not association.is_aborted, 'not released')
 
 
@@ -96,6 +117,7 @@ def abort_in_mid_transfer(checks, service, phantom):
     for fragment in fragments[:len(fragments) // 2]:
         association.dul.send_pdu(fragment)
     association.abort()
+    unpark(association)
     checks.that(f'{what}: aborted', association.is_aborted, 'not aborted')
     service.until(lambda: 'aborted_by_peer' in service.log.read_text(), 30, 'the abort was not noticed')
     checks.equal(f'{what}: only what was acknowledged is stored', service.series(series)['instances'], 1)

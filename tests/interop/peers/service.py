@@ -5,6 +5,7 @@ import subprocess
 import time
 from pathlib import Path
 
+import pydicom
 import requests
 
 from .series import Series
@@ -90,6 +91,12 @@ class Service:
         subprocess.run([self.triplanar, 'reconstruct', series.directory, '-o', cloud], check=True,
                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         return cloud.read_bytes()
+
+    def stored_syntaxes(self, series: Series):
+        """Transfer syntaxes of the stored files of a series: they are kept as they came."""
+        headers = (pydicom.dcmread(path, specific_tags=['SeriesInstanceUID'], stop_before_pixels=True)
+                   for path in (self.directory / 'data' / 'instances').rglob('*') if path.is_file())
+        return {header.file_meta.TransferSyntaxUID for header in headers if header.SeriesInstanceUID == series.uid}
 
     def reconstructions(self, series: Series):
         answer = self.get('/v1/reconstructions', params={'series': series.uid})
