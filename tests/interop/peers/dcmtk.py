@@ -26,7 +26,7 @@ def run(checks, service, phantom, work, shared):
     pushes = [
         ('uncompressed', phantom.series('dcmtk-explicit', ExplicitVRLittleEndian), []),
         ('implicit VR only', phantom.series('dcmtk-implicit', ImplicitVRLittleEndian), ['-xi']),
-        ('big endian only', phantom.converted('dcmtk-big', 'dcmconv', '+te'), ['-xb']),
+        ('big endian', phantom.converted('dcmtk-big', 'dcmconv', '+tb'), ['-xb']),
         ('JPEG Lossless', phantom.converted('dcmtk-jpeg', 'dcmcjpeg', '+e1'), ['-xs']),
         ('JPEG 2000', phantom.series('dcmtk-j2k', JPEG2000Lossless), ['-xv']),
         ('RLE', phantom.converted('dcmtk-rle', 'dcmcrle'), ['-xr']),

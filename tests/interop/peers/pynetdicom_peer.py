@@ -57,6 +57,7 @@ def release(checks, what, association):
 def run(checks, service, phantom, work, shared):
     tiny_pdus(checks, service, phantom)
     many_contexts(checks, service, phantom)
+    big_endian(checks, service, phantom)
     abort_in_mid_transfer(checks, service, phantom)
     statuses(checks, service, phantom)
 
@@ -96,6 +97,16 @@ def many_contexts(checks, service, phantom):
     series = phantom.series('pynetdicom-contexts', ImplicitVRLittleEndian)
     checks.equal(f'{what}: {len(series.files)} × 0x0000', set(push(association, series)), {0})
     release(checks, what, association)
+    service.check(checks, what, series)
+
+
+def big_endian(checks, service, phantom):
+    what = 'pynetdicom, big endian'
+    series = phantom.converted('pynetdicom-big', 'dcmconv', '+tb')
+    association = associate(service, [build_context(CTImageStorage, ExplicitVRBigEndian)])
+    checks.equal(f'{what}: {len(series.files)} × 0x0000', set(push(association, series)), {0})
+    release(checks, what, association)
+    checks.equal(f'{what}: transfer syntax', service.stored_syntaxes(series), {ExplicitVRBigEndian})
     service.check(checks, what, series)
 
 
