@@ -59,6 +59,17 @@ pub fn openapi() -> OpenApi {
     api
 }
 
+/// [`openapi`] as the text of a file.
+///
+/// # Panics
+/// Never: the description has string keys alone.
+#[must_use]
+pub fn openapi_json() -> String {
+    let mut text = serde_json::to_string_pretty(&openapi()).expect("string keys alone");
+    text.push('\n');
+    text
+}
+
 /// What stands before the operations.
 pub(super) fn head() -> OpenApi {
     let mut license = LicenseBuilder::new().name("MIT").build();

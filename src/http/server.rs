@@ -6,7 +6,7 @@ use axum::Router;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use tokio::io::AsyncWriteExt;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_util::sync::CancellationToken;
@@ -24,6 +24,8 @@ const GRACE: Duration = Duration::from_secs(10);
 const REFUSAL: Duration = Duration::from_secs(1);
 /// Connections beyond the limit that are told so at a time; more are closed without a word.
 const REFUSALS: usize = 16;
+/// Of a refused request, so much is taken and dropped.
+const REFUSED_BYTES: u64 = 64 * 1024;
 /// Wait before the next accept when the system has no file descriptor left.
 const ACCEPT_BACKOFF: Duration = Duration::from_millis(100);
 
@@ -106,7 +108,9 @@ async fn refuse(mut stream: TcpStream, permit: OwnedSemaphorePermit) {
     );
     let told = async {
         stream.write_all(answer.as_bytes()).await?;
-        stream.shutdown().await
+        stream.shutdown().await?;
+        // Closing with unread bytes would reset the connection before the answer is read.
+        tokio::io::copy(&mut stream.take(REFUSED_BYTES), &mut tokio::io::sink()).await
     };
     if tokio::time::timeout(REFUSAL, told).await.is_err() {
         tracing::debug!("a connection beyond the limit did not take its refusal");

@@ -1,7 +1,6 @@
 //! STOW-RS (PS3.18 section 10.5): instances as `multipart/related; type="application/dicom"`, or
 //! one instance as `application/dicom`.
 
-mod identity;
 mod response;
 
 use axum::body::Body;
@@ -13,12 +12,12 @@ use bytes::{Bytes, BytesMut};
 use super::Context;
 use super::body::Incoming;
 use super::extract::StudyPath;
+use super::identity::Identity;
 use super::media_type::{MediaType, negotiate};
 use super::multipart::Multipart;
 use super::upload::{Arriving, Session, admit};
 use crate::dicom::uid::StudyInstanceUid;
 use crate::error::{Error, Result};
-use identity::Identity;
 
 const DICOM: &str = "application/dicom";
 const DICOM_JSON: &str = "application/dicom+json";

@@ -8,8 +8,8 @@ use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value, json};
 
 use super::DICOM_JSON;
-use super::identity::Identity;
 use crate::dicom::uid::{SopClassUid, SopInstanceUid};
+use crate::http::identity::Identity;
 use crate::http::upload::Outcome;
 
 const REFERENCED_SOP_CLASS_UID: &str = "00081150";

@@ -9,6 +9,7 @@ use tokio::sync::mpsc::Sender;
 
 use super::sniff::{HEAD, Kind, kind, looks_like_dicom};
 use crate::error::{Error, Result};
+use crate::http::identity::Identity;
 
 mod tar;
 mod zip;
@@ -135,7 +136,7 @@ impl Walk {
             Err(cause) => return self.broken(name, cause, broken),
         };
         self.unpacked(head.len())?;
-        if let Some(reason) = passed_over(name, &head) {
+        if let Some(reason) = passed_over(&head) {
             return self.skip(name, reason);
         }
         self.send(Step::Begin(name.to_owned()))?;
@@ -171,21 +172,15 @@ fn head_of(content: &mut impl Read) -> io::Result<Vec<u8>> {
     Ok(head)
 }
 
-/// Why a file of that name that begins like this is no instance, if it is none.
-pub(super) fn passed_over(name: &str, head: &[u8]) -> Option<SkipReason> {
-    if is_dicomdir(name) {
+/// Why a file that begins like this is no instance, if it is none.
+pub(super) fn passed_over(head: &[u8]) -> Option<SkipReason> {
+    if Identity::of(head).is_media_directory() {
         Some(SkipReason::Dicomdir)
     } else if looks_like_dicom(head) {
         None
     } else {
         Some(SkipReason::NotDicom)
     }
-}
-
-/// The last part of the path is DICOMDIR (PS3.10 section 8.6), in any case.
-fn is_dicomdir(name: &str) -> bool {
-    let last = name.rsplit(['/', '\\']).next().unwrap_or(name);
-    last.eq_ignore_ascii_case("dicomdir")
 }
 
 /// A name as it can be told: valid text, no control characters, not too long.

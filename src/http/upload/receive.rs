@@ -106,7 +106,7 @@ async fn file(
     }
     if kind(&head) == Kind::Instance {
         // A form can hold a whole folder, like an archive; a single body is meant to be an instance.
-        if let (Source::Part(_), Some(reason)) = (&source, passed_over(&name, &head)) {
+        if let (Source::Part(_), Some(reason)) = (&source, passed_over(&head)) {
             received.skipped.push(Skipped { name, reason });
             return Ok(());
         }

@@ -6,6 +6,7 @@ pub(crate) mod data;
 pub(crate) mod dicom;
 pub(crate) mod dimse;
 pub(crate) mod entrance;
+pub(crate) mod http;
 pub(crate) mod instances;
 pub(crate) mod memory;
 pub(crate) mod pacs;

@@ -1,23 +1,26 @@
-//! What an instance calls itself in its file meta information (PS3.10 section 7.1), so that the
-//! answer can name one that was refused.
+//! What an instance calls itself in its file meta information (PS3.10 section 7.1), so that
+//! an answer can name one that was refused, and the index of a medium is not taken for one.
 
 use crate::dicom::uid::{SopClassUid, SopInstanceUid};
 
 /// Where the file meta information begins, after preamble and prefix.
 const BEGIN: usize = 132;
 
-/// The UIDs of a refused instance, as far as they can be read.
+/// Media Storage Directory Storage: DICOMDIR, the index of a medium (PS3.10 section 8.6).
+const MEDIA_DIRECTORY: &str = "1.2.840.10008.1.3.10";
+
+/// The UIDs of an instance, as far as they can be read.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub(super) struct Identity {
+pub(in crate::http) struct Identity {
     /// Media Storage SOP Class UID (0002,0002).
-    pub(super) sop_class_uid: Option<SopClassUid>,
+    pub(in crate::http) sop_class_uid: Option<SopClassUid>,
     /// Media Storage SOP Instance UID (0002,0003).
-    pub(super) sop_instance_uid: Option<SopInstanceUid>,
+    pub(in crate::http) sop_instance_uid: Option<SopInstanceUid>,
 }
 
 impl Identity {
     /// Reads the first bytes of a Part 10 file: elements of group 2, explicit VR little endian.
-    pub(super) fn of(head: &[u8]) -> Self {
+    pub(in crate::http) fn of(head: &[u8]) -> Self {
         let mut identity = Self::default();
         if head.get(128..BEGIN) != Some(b"DICM") {
             return identity;
@@ -33,6 +36,11 @@ impl Identity {
             rest = after;
         }
         identity
+    }
+
+    /// Whether this is no instance but the index of a medium.
+    pub(in crate::http) fn is_media_directory(&self) -> bool {
+        self.sop_class_uid.as_ref().is_some_and(|class| class.as_str() == MEDIA_DIRECTORY)
     }
 }
 
