@@ -182,7 +182,7 @@ pub enum ConfigError {
         cause: std::io::Error,
     },
     /// Not TOML.
-    #[error("{origin} is not valid TOML: {cause}")]
+    #[error("{origin} is not valid TOML: {}", one_line(.cause))]
     NotToml {
         /// File or variable.
         origin: String,
@@ -190,7 +190,7 @@ pub enum ConfigError {
         cause: toml::de::Error,
     },
     /// An unknown name or a value of the wrong kind.
-    #[error("the configuration is not valid: {0}; config/triplanar.toml lists every setting")]
+    #[error("the configuration is not valid: {}; config/triplanar.toml lists every setting", one_line(.0))]
     Invalid(toml::de::Error),
     /// A value outside its range.
     #[error("{setting}: {detail}")]
@@ -313,6 +313,13 @@ impl Config {
     }
 }
 
+/// The error's sentences without its picture of the file.
+fn one_line(error: &toml::de::Error) -> String {
+    let text = error.to_string();
+    let sentences = text.lines().filter(|line| !line.contains('|')).map(str::trim);
+    sentences.filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
 fn parse(text: &str, origin: &str) -> Result<toml::Table, ConfigError> {
     text.parse().map_err(|cause| ConfigError::NotToml { origin: origin.to_owned(), cause })
 }
@@ -395,6 +402,16 @@ mod tests {
     fn an_unknown_setting_is_refused() {
         let error = Config::load(None, env("TRIPLANAR_HTTP__LISTNE", "x")).unwrap_err();
         assert!(error.to_string().contains("listne"), "{error}");
+        assert_eq!(error.to_string().lines().count(), 1, "{error}");
+    }
+
+    #[test]
+    fn a_file_that_is_no_toml_is_told_in_one_line_with_the_place() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("t.toml");
+        std::fs::write(&file, "[http]\nlisten 1\n").unwrap();
+        let error = Config::load(Some(&file), std::iter::empty()).unwrap_err().to_string();
+        assert!(error.contains("line 2") && error.lines().count() == 1, "{error}");
     }
 
     #[test]

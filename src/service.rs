@@ -1,8 +1,8 @@
 //! Starts all of it, stops all of it.
 //!
-//! Start: the settings must protect what listens off loopback; the store takes the data directory
-//! (one service at a time) and clears what an earlier process left half done; both ports are
-//! bound; then workers, timers and doors open. Stop: the doors close and let open associations and
+//! Start: the settings must protect what listens off loopback; both ports are bound; the store
+//! takes the data directory (one service at a time) and clears what an earlier process left half
+//! done; then workers, timers and doors open. Stop: the doors close and let open associations and
 //! requests end, the running job goes back to the queue. Nothing that was acknowledged depends on
 //! a stop being graceful.
 
@@ -26,8 +26,8 @@ use crate::{dimse, http};
 /// How long open associations, requests and the running job may take to end at a stop.
 const GRACE: Duration = Duration::from_secs(20);
 
-/// How often old instances and results are removed and the gauges are set.
-const UPKEEP: Duration = Duration::from_secs(30);
+/// How often old instances and results are removed.
+const SWEEP_INTERVAL: Duration = Duration::from_secs(600);
 
 /// Why the service does not start: one line that says what to do.
 #[derive(Debug, thiserror::Error)]
@@ -72,9 +72,9 @@ impl Service {
     /// [`StartError`]; nothing is left running then.
     pub async fn start(config: Config) -> Result<Self, StartError> {
         config.check_protection()?;
-        let store = Store::open(&config.storage).await?;
         let (http_listener, http) = listen("http.listen", config.http.listen).await?;
         let (dimse_listener, dimse) = listen("dimse.listen", config.dimse.listen).await?;
+        let store = Store::open(&config.storage).await?;
         let metrics = Arc::new(Metrics::new());
         let jobs = Jobs::new(store.clone(), &config, Arc::clone(&metrics))
             .map_err(|error| StartError::Threads(format!("{error:?}")))?;
@@ -86,7 +86,7 @@ impl Service {
         spawn(&mut parts, "workers", async move { part.run(token).await });
         let (part, token) = (intake.clone(), stop.clone());
         spawn(&mut parts, "timers", async move { part.run_timers(token).await });
-        spawn(&mut parts, "upkeep", upkeep(store.clone(), Arc::clone(&metrics), stop.clone()));
+        spawn(&mut parts, "the sweep", sweep(store.clone(), stop.clone()));
         let settings = config.dimse.clone();
         let door = dimse::serve(dimse_listener, intake.clone(), settings, Arc::clone(&metrics), stop.clone());
         spawn(&mut parts, "the DICOM listener", door);
@@ -170,9 +170,9 @@ async fn listen(setting: &'static str, address: SocketAddr) -> Result<(TcpListen
     Ok((listener, bound))
 }
 
-/// Retention and gauges, until `stop`.
-async fn upkeep(store: Store, metrics: Arc<Metrics>, stop: CancellationToken) {
-    let mut rounds = interval(UPKEEP);
+/// Removes what is older than its retention, until `stop`.
+async fn sweep(store: Store, stop: CancellationToken) {
+    let mut rounds = interval(SWEEP_INTERVAL);
     rounds.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         tokio::select! {
@@ -189,14 +189,6 @@ async fn upkeep(store: Store, metrics: Arc<Metrics>, stop: CancellationToken) {
             Err(error) => {
                 tracing::error!(error = ?error, "what is older than its retention can't be removed")
             }
-        }
-        match store.free_bytes() {
-            Ok(bytes) => metrics.set_free_disk_bytes(bytes),
-            Err(error) => tracing::error!(error = ?error, "the free disk space can't be read"),
-        }
-        match store.queued().await {
-            Ok(queued) => metrics.set_queue_depth(queued),
-            Err(error) => tracing::error!(error = ?error, "the queue can't be read"),
         }
     }
 }

@@ -11,7 +11,7 @@ use super::watch::{Stop, Watch};
 use super::worker::LEASE;
 use crate::error::Error;
 use crate::reconstruction::{Failure, Product, RefusedInstance};
-use crate::store::{Claim, Heartbeat};
+use crate::store::{Claim, Heartbeat, Refused};
 
 /// How often progress goes to the catalog, which also keeps the claim.
 const HEARTBEAT: Duration = Duration::from_millis(500);
@@ -60,20 +60,16 @@ impl Shared {
                 _ = heartbeat.tick() => self.heartbeat(claim, watch).await,
             }
         };
-        let refused = refused.into_iter().map(|refused| RefusedInstance {
-            sop_instance_uid: refused.sop_instance_uid,
-            code: refused.code,
-            times: refused.times,
-        });
+        let refused = refused_instances(refused);
         match (result, watch.stopped()) {
             (Ok(Ok(mut product)), _) => {
-                product.report.refused = refused.collect();
+                product.report.refused = refused;
                 Ended::Done(Box::new(product))
             }
             (Ok(Err(failure)), Some(stop)) if failure.code == Failure::CANCELLED => Ended::Stopped(stop),
             (Ok(Err(mut failure)), _) => {
                 if let Some(report) = &mut failure.report {
-                    report.refused = refused.collect();
+                    report.refused = refused;
                 }
                 Ended::Failed(failure)
             }
@@ -96,6 +92,16 @@ impl Shared {
             }
         }
     }
+}
+
+/// What was refused at receipt, as it stands in a report.
+pub(crate) fn refused_instances(refused: Vec<Refused>) -> Vec<RefusedInstance> {
+    let instance = |refused: Refused| RefusedInstance {
+        sop_instance_uid: refused.sop_instance_uid,
+        code: refused.code,
+        times: refused.times,
+    };
+    refused.into_iter().map(instance).collect()
 }
 
 /// The failure that an error of the store is: lasting if the instances are gone, passing otherwise.

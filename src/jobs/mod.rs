@@ -44,6 +44,7 @@ use crate::reconstruction::{self, Failure, Product};
 use crate::store::{Reclaim, ReconstructionId, ReconstructionRecord, ReconstructionState, Store};
 use crate::telemetry::Metrics;
 
+pub(crate) use attempt::refused_instances;
 pub use events::Event;
 
 /// The queue as the rest of the service uses it. Cheap to clone.

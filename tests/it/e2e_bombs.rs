@@ -3,24 +3,63 @@
 use std::io::Write;
 use std::time::Duration;
 
-use flate2::Compression;
-use flate2::write::DeflateEncoder;
+use flate2::{Compress, Compression, FlushCompress};
 use reqwest::StatusCode;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
 use crate::support::bytes::{self, DEFLATED, EXPLICIT_LE};
 use crate::support::client::Client;
+use crate::support::scu::{CT, Request, Scu};
 use crate::support::service::{Service, Settings};
 use crate::support::{memory, pacs, phantom};
 
-const MIB: u64 = 1 << 20;
+const MIB: usize = 1 << 20;
 
 /// What the process may grow by at most while it refuses a bomb: buffers, not what was claimed.
-const FLAT: u64 = 64 * MIB;
+const FLAT_MIB: u64 = 64;
 
 const SOP: &str = "2.25.31";
 const SERIES: &str = "2.25.32";
+
+/// A data set that is not what it seems.
+struct Bomb {
+    name: &'static str,
+    transfer_syntax: &'static str,
+    data_set: Vec<u8>,
+    /// DIMSE and HTTP status that it is refused with.
+    refusal: (u16, StatusCode),
+}
+
+impl Bomb {
+    fn part10(&self) -> Vec<u8> {
+        bytes::part10(self.transfer_syntax, SOP, &self.data_set)
+    }
+}
+
+fn bombs() -> [Bomb; 3] {
+    let malformed = (0xC001, StatusCode::UNPROCESSABLE_ENTITY);
+    [
+        Bomb {
+            name: "8 000 nested sequences",
+            transfer_syntax: EXPLICIT_LE,
+            data_set: nested_sequences(),
+            refusal: malformed,
+        },
+        Bomb {
+            name: "910 bytes that claim 4 GB",
+            transfer_syntax: EXPLICIT_LE,
+            data_set: claims_4_gb(),
+            refusal: malformed,
+        },
+        Bomb {
+            name: "a deflate bomb",
+            transfer_syntax: DEFLATED,
+            data_set: deflate_bomb(),
+            refusal: (0xA700, StatusCode::PAYLOAD_TOO_LARGE),
+        },
+    ]
+}
 
 fn nested_sequences() -> Vec<u8> {
     let mut data_set = bytes::identity(SOP, SERIES);
@@ -32,32 +71,39 @@ fn nested_sequences() -> Vec<u8> {
         data_set.extend(bytes::item_head(0xE00D, 0));
         data_set.extend(bytes::item_head(0xE0DD, 0));
     }
-    bytes::part10(EXPLICIT_LE, SOP, &data_set)
+    data_set
 }
 
+/// Such that the file is 910 bytes long.
 fn claims_4_gb() -> Vec<u8> {
     let mut data_set = bytes::identity(SOP, SERIES);
     data_set.extend(bytes::long_head(0x7FE0, 0x0010, "OW", 0xFFFF_FFFE));
-    let mut file = bytes::part10(EXPLICIT_LE, SOP, &data_set);
-    file.resize(910, 0);
-    file
+    let header = bytes::part10(EXPLICIT_LE, SOP, &[]).len();
+    data_set.resize(910 - header, 0);
+    data_set
 }
 
 /// Some 2 MB that inflate to 2 GB, twice the default limit.
 fn deflate_bomb() -> Vec<u8> {
-    let mut data_set = DeflateEncoder::new(Vec::new(), Compression::fast());
-    data_set.write_all(&bytes::identity(SOP, SERIES)).unwrap();
-    data_set.write_all(&bytes::long_head(0x7FE0, 0x0010, "OW", 0x8000_0000)).unwrap();
-    let zeros = vec![0; MIB as usize];
-    for _ in 0..2048 {
-        data_set.write_all(&zeros).unwrap();
-    }
-    bytes::part10(DEFLATED, SOP, &data_set.finish().unwrap())
+    let mut head = bytes::identity(SOP, SERIES);
+    head.extend(bytes::long_head(0x7FE0, 0x0010, "OW", 0x8000_0000));
+    // A flushed block ends on a byte and looks back at nothing before it: it can be repeated.
+    let zeros = deflated(&vec![0; MIB]);
+    let last_block_and_empty = [0x03, 0x00];
+    [deflated(&head), zeros.repeat(2048), last_block_and_empty.to_vec()].concat()
 }
 
-fn zip_of(content: &[u8], zeros: u64, entries: usize) -> Vec<u8> {
+fn deflated(bytes: &[u8]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(bytes.len() + 1024);
+    Compress::new(Compression::best(), false)
+        .compress_vec(bytes, &mut out, FlushCompress::Sync)
+        .expect("it fits");
+    out
+}
+
+fn zip_of(content: &[u8], zeros: usize, entries: usize) -> Vec<u8> {
     let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
-    let chunk = vec![0; MIB as usize];
+    let chunk = vec![0; MIB];
     for entry in 0..entries {
         zip.start_file(format!("{entry}.dcm"), zip::write::SimpleFileOptions::default()).unwrap();
         zip.write_all(content).unwrap();
@@ -83,24 +129,23 @@ impl Watched {
 
     fn unharmed(&mut self, after: &str) {
         assert!(self.service.is_alive(), "{after} killed the process");
-        let grown = memory::highest(self.service.pid()).saturating_sub(self.before);
-        assert!(grown < FLAT, "{after} made the process grow by {} MiB", grown / MIB);
+        let grown = memory::highest(self.service.pid()).saturating_sub(self.before) / MIB as u64;
+        assert!(grown < FLAT_MIB, "{after} made the process grow by {grown} MiB");
     }
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn bombs_by_c_store_are_refused_and_cost_nothing() {
     let mut watched = Watched::start(&Settings::new());
-    let bombs = [
-        ("8 000 nested sequences", nested_sequences()),
-        ("910 bytes that claim 4 GB", claims_4_gb()),
-        ("a deflate bomb", deflate_bomb()),
-    ];
-    for (name, bomb) in bombs {
-        assert!(bomb.len() < 16 * MIB as usize, "{name} is small");
-        let statuses = pacs::statuses(&watched.service, &[bomb]).await;
-        assert!(matches!(statuses[..], [0xC001 | 0xA700]), "{name}: {statuses:04X?}");
-        watched.unharmed(name);
+    for bomb in bombs() {
+        assert!(bomb.data_set.len() < 8 * MIB, "{} is small", bomb.name);
+        let request = Request::new(&[(1, CT, &[bomb.transfer_syntax])]);
+        let mut scu = Scu::associate(watched.service.dimse, &request);
+        scu.store(1, 1, SOP, &bomb.data_set, 100_000);
+        let response = scu.response();
+        assert_eq!(response.status(), bomb.refusal.0, "{}: {}", bomb.name, response.comment());
+        scu.release();
+        watched.unharmed(bomb.name);
     }
     assert_nothing_stored(&watched.service).await;
     still_takes_a_series(&watched.service).await;
@@ -111,24 +156,27 @@ async fn bombs_by_upload_are_refused_and_cost_nothing() {
     let settings = Settings::new().with("http.max_unpacked_bytes", "100000000");
     let mut watched = Watched::start(&settings);
     let client = Client::new(watched.service.http);
-    let part10_of_zeros = claims_4_gb();
-    let bombs = [
-        ("8 000 nested sequences", "application/dicom", nested_sequences(), StatusCode::UNPROCESSABLE_ENTITY),
-        ("910 bytes that claim 4 GB", "application/dicom", claims_4_gb(), StatusCode::UNPROCESSABLE_ENTITY),
-        ("a deflate bomb", "application/dicom", deflate_bomb(), StatusCode::UNPROCESSABLE_ENTITY),
-        (
-            "a zip bomb",
-            "application/zip",
-            zip_of(&part10_of_zeros, 1024 * MIB, 1),
-            StatusCode::PAYLOAD_TOO_LARGE,
-        ),
-        ("a zip of 30 000 files", "application/zip", zip_of(b"x", 0, 30_000), StatusCode::PAYLOAD_TOO_LARGE),
+    let mut uploads: Vec<_> = bombs()
+        .into_iter()
+        .map(|bomb| (bomb.name, "application/dicom", bomb.part10(), bomb.refusal.1))
+        .collect();
+    let zeros_as_dicom = bytes::part10(EXPLICIT_LE, SOP, &claims_4_gb());
+    let zips = [
+        ("a zip bomb", zip_of(&zeros_as_dicom, 1024 * MIB, 1)),
+        ("a zip bomb of zeros", zip_of(&[], 1024 * MIB, 1)),
+        ("a zip of 30 000 files", zip_of(b"x", 0, 30_000)),
     ];
-    for (name, media_type, bomb, expected) in bombs {
-        assert!(bomb.len() < 16 * MIB as usize, "{name} is small");
-        let (status, body) = client.upload(media_type, bomb).await;
-        assert_eq!(status, expected, "{name}: {body}");
-        assert!(body["type"].as_str().is_some_and(|urn| urn.starts_with("urn:triplanar:problem:")), "{body}");
+    for (name, zip) in zips {
+        uploads.push((name, "application/zip", zip, StatusCode::PAYLOAD_TOO_LARGE));
+    }
+    for (name, media_type, body, expected) in uploads {
+        assert!(body.len() < 8 * MIB, "{name} is small");
+        let (status, answer) = client.upload(media_type, body).await;
+        assert_eq!(status, expected, "{name}: {answer}");
+        assert!(
+            answer["type"].as_str().is_some_and(|urn| urn.starts_with("urn:triplanar:problem:")),
+            "{answer}"
+        );
         watched.unharmed(name);
     }
     assert_nothing_stored(&watched.service).await;

@@ -67,6 +67,13 @@ async fn other_pixels_under_a_known_uid_are_refused_and_the_report_says_so() {
     assert_eq!(refused.len(), 1, "{refused:?}");
     assert_eq!((&refused[0]["code"], &refused[0]["times"]), (&json!("conflicting-instance"), &json!(2)));
 
+    // One that comes after the end is told as well.
+    let late = with_other_pixels(&series.files[7]);
+    assert_eq!(pacs::statuses(&service, &[late]).await, [0xC003]);
+    let report = client.json(&format!("/v1/series/{}/report", series.uid)).await;
+    assert_eq!(report["refused"].as_array().map(Vec::len), Some(2), "{}", report["refused"]);
+    assert_eq!(client.reconstructions(&series.uid).await.len(), 1, "a refused instance made a job");
+
     let untouched = phantom::settings().start();
     reconstructed(&untouched).await;
     let path = format!("/v1/series/{}/cloud", series.uid);

@@ -96,6 +96,9 @@ pub(in crate::http) async fn metrics(State(context): State<Context>) -> impl Int
     if let Ok(bytes) = context.store.free_bytes() {
         context.metrics.set_free_disk_bytes(bytes);
     }
+    if let Ok(queued) = context.store.queued().await {
+        context.metrics.set_queue_depth(queued);
+    }
     ([(CONTENT_TYPE, Metrics::MEDIA_TYPE)], context.metrics.encode())
 }
 

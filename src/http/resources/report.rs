@@ -11,6 +11,7 @@ use crate::http::Context;
 use crate::http::extract::{ReconstructionPath, SeriesPath};
 use crate::http::media_type::negotiate;
 use crate::http::representation::Representation;
+use crate::jobs::refused_instances;
 use crate::reconstruction::Report;
 use crate::store::ReconstructionRecord;
 
@@ -96,13 +97,16 @@ async fn serve(
         return Err(no_report(&record));
     }
     let stored = context.store.report(record.id).await?;
+    // What was refused after the reconstruction had ended belongs to its report too.
+    let refused = refused_instances(context.store.refused(&record.series_instance_uid).await?);
     off_the_runtime(move || {
+        let mut report: Report = serde_json::from_slice(&stored).map_err(Error::internal)?;
+        report.refused = refused;
         let (bytes, media_type, file_name) = if as_csv {
-            let report: Report = serde_json::from_slice(&stored).map_err(Error::internal)?;
             let name = format!("triplanar-{}.csv", record.id);
             (report.to_csv(), "text/csv; charset=utf-8; header=present", Some(name))
         } else {
-            (stored, JSON, None)
+            (report.to_json(), JSON, None)
         };
         let representation = Representation {
             bytes: Bytes::from(bytes),
