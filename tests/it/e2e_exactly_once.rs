@@ -52,7 +52,7 @@ async fn other_pixels_under_a_known_uid_are_refused_and_the_report_says_so() {
     let series = phantom::small();
     let other = with_other_pixels(&series.files[3]);
     pacs::push(&service, &series.files[..6]).await;
-    assert_eq!(pacs::statuses(&service, &[other.clone()]).await, [0xC003]);
+    assert_eq!(pacs::statuses(&service, std::slice::from_ref(&other)).await, [0xC003]);
     let (status, body) = client.upload("application/dicom", other).await;
     assert_eq!(
         (status, &body["type"]),
