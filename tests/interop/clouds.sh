@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # PCL's tools and CloudCompare open our PLY and PCD and count the same points.
 #   clouds.sh TRIPLANAR
-# Needs the Debian packages pcl-tools and cloudcompare (see .ci/install-tools).
+# Needs the Debian packages pcl-tools and cloudcompare (run.sh installs them).
 set -uo pipefail
 triplanar=$(realpath "$1")
 dir=$(mktemp -d)

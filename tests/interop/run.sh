@@ -27,7 +27,7 @@ run() { # name, command…: its last line says "N passed, N failed"
 }
 
 missing=()
-for package in dcmtk orthanc pcl-tools cloudcompare python3-venv; do
+for package in dcmtk orthanc pcl-tools cloudcompare python3-venv curl; do
   dpkg -s "$package" >/dev/null 2>&1 || missing+=("$package")
 done
 if [ ${#missing[@]} -gt 0 ]; then
@@ -36,6 +36,7 @@ if [ ${#missing[@]} -gt 0 ]; then
 fi
 
 run "DICOM peers" "$here/peers.sh" "$triplanar" "$shared"
+run "the API against its description" "$here/api.sh" "$triplanar"
 run "point-cloud tools" "$here/clouds.sh" "$triplanar"
 if [ -d "$shared/tools" ]; then
   run "score against the known skin" "$here/score.sh" "$triplanar" "$shared"
