@@ -1,5 +1,8 @@
 //! One binary for all tests that go through the doors that users use.
 
+mod cli_phantom;
+mod cli_reconstruct;
+mod cloud_ply;
 mod dicom_decode;
 mod dicom_scan;
 mod dicom_series;
@@ -15,11 +18,16 @@ mod e2e_exactly_once;
 mod e2e_protection;
 mod e2e_same_bytes;
 mod e2e_storage;
+mod geometry_acquisitions;
+mod geometry_left_ear;
+mod geometry_skulls;
 mod http_description;
 mod http_stow;
 mod http_upload;
 mod intake_completeness;
 mod intake_receipt;
+mod phantom_score;
+mod phantom_truth;
 mod published_program_clouds;
 mod published_program_points;
 mod published_program_slices;

@@ -36,7 +36,7 @@ impl Head {
             nose: within(9.0, 14.0),
             jaw: within(38.0, 44.0),
             ear: within(0.9, 1.1),
-            ear_angle: within(18.0, 28.0).to_radians().sin_cos(),
+            ear_angle: within(28.0, 38.0).to_radians().sin_cos(),
             phases: [within(0.0, 6.0), within(0.0, 6.0), within(0.0, 6.0)],
         }
     }

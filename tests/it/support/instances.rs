@@ -11,7 +11,8 @@ use triplanar::pipeline::Silent;
 use super::data;
 
 /// Instances in memory.
-struct InMemory(Vec<Vec<u8>>);
+#[derive(Debug, Clone)]
+pub(crate) struct InMemory(pub(crate) Vec<Vec<u8>>);
 
 impl InstanceSource for InMemory {
     fn len(&self) -> usize {

@@ -1,0 +1,108 @@
+//! Clouds survive their files.
+
+use proptest::prelude::*;
+use triplanar::cloud::{Format, Metadata, PointCloud, encode, ply};
+use triplanar::geometry::{Frame, Plane, PlaneSet};
+
+fn coordinate() -> impl Strategy<Value = f32> {
+    prop_oneof![-500.0_f32..500.0, proptest::num::f32::NORMAL, proptest::num::f32::SUBNORMAL, Just(0.0)]
+}
+
+fn cloud() -> impl Strategy<Value = PointCloud> {
+    let vertex = ([coordinate(), coordinate(), coordinate()], 0_u8..8, any::<bool>());
+    proptest::collection::vec(vertex, 0..60).prop_map(|vertices| PointCloud {
+        points: vertices.iter().map(|v| v.0).collect(),
+        planes: vertices.iter().map(|v| PlaneSet::from_bits(v.1)).collect(),
+        unique: vertices.iter().map(|v| v.2).collect(),
+    })
+}
+
+fn metadata() -> impl Strategy<Value = Metadata> {
+    let plane = prop_oneof![Just(None), proptest::sample::select(Plane::ALL.to_vec()).prop_map(Some)];
+    (
+        "2\\.25\\.[1-9][0-9]{0,30}",
+        proptest::option::of("1\\.2\\.[1-9]{1,20}"),
+        plane,
+        "[a-z]{1,9} [0-9.]{1,5}",
+    )
+        .prop_map(|(series, frame, plane, software)| Metadata {
+            series_instance_uid: series.parse().expect("a UID"),
+            frame_of_reference_uid: frame.map(|uid| uid.parse().expect("a UID")),
+            plane,
+            software,
+            parameters_json: r#"{"profile":"paper","leaf_mm":1.0}"#.to_owned(),
+        })
+}
+
+proptest! {
+    #[test]
+    fn a_ply_reads_back_bit_by_bit(cloud in cloud(), metadata in metadata()) {
+        for format in [Format::PlyBinary, Format::PlyAscii] {
+            for frame in [Frame::Lps, Frame::Ras] {
+                let bytes = encode(&cloud, &metadata, format, frame);
+                let (read, said) = ply::decode(&bytes).expect("our own PLY");
+                let bits = |c: &PointCloud| c.points.iter().map(|p| p.map(f32::to_bits)).collect::<Vec<_>>();
+                prop_assert_eq!(bits(&read), bits(&cloud));
+                prop_assert_eq!((&read.planes, &read.unique), (&cloud.planes, &cloud.unique));
+                prop_assert_eq!(&said, &metadata);
+                prop_assert_eq!(&bytes, &encode(&read, &said, format, frame));
+            }
+        }
+    }
+
+    #[test]
+    fn a_damaged_ply_is_refused_and_never_panics(
+        cloud in cloud(), metadata in metadata(), cut in 0.0_f64..1.0, byte in any::<u8>(),
+    ) {
+        let whole = encode(&cloud, &metadata, Format::PlyBinary, Frame::Lps);
+        let at = (cut * whole.len() as f64) as usize;
+        prop_assert!(ply::decode(&whole[..at.min(whole.len() - 1)]).is_err(), "cut short");
+        let mut damaged = whole;
+        damaged[at] = byte;
+        let _ = ply::decode(&damaged);
+    }
+}
+
+#[test]
+fn a_ply_says_what_it_is() {
+    let cloud = PointCloud {
+        points: vec![[1.0, -2.5, 3.25]],
+        planes: vec![PlaneSet::from(Plane::Sagittal)],
+        unique: vec![true],
+    };
+    let metadata = Metadata {
+        series_instance_uid: "1.2.3".parse().expect("a UID"),
+        frame_of_reference_uid: Some("1.2.4".parse().expect("a UID")),
+        plane: None,
+        software: "triplanar 9.9\nelement face 3".to_owned(),
+        parameters_json: "{\"leaf_mm\":\n1.0}".to_owned(),
+    };
+    let ascii = String::from_utf8(encode(&cloud, &metadata, Format::PlyAscii, Frame::Ras)).expect("text");
+    assert_eq!(
+        ascii,
+        "ply\nformat ascii 1.0\ncomment frame ras\ncomment unit mm\ncomment plane triplanar\n\
+         comment series_instance_uid 1.2.3\ncomment frame_of_reference_uid 1.2.4\n\
+         comment software triplanar 9.9 element face 3\ncomment parameters {\"leaf_mm\": 1.0}\n\
+         element vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
+         property uchar planes\nproperty uchar unique\nend_header\n-1 2.5 3.25 2 1\n"
+    );
+}
+
+#[test]
+fn an_empty_cloud_is_a_valid_file_in_every_format() {
+    let metadata = Metadata {
+        series_instance_uid: "1.2.3".parse().expect("a UID"),
+        frame_of_reference_uid: None,
+        plane: Some(Plane::Axial),
+        software: "triplanar".to_owned(),
+        parameters_json: "{}".to_owned(),
+    };
+    let bytes = |format| encode(&PointCloud::default(), &metadata, format, Frame::Lps);
+    for format in [Format::PlyBinary, Format::PlyAscii] {
+        assert!(ply::decode(&bytes(format)).expect("our own PLY").0.is_empty());
+    }
+    assert!(bytes(Format::Raw).is_empty());
+    assert!(bytes(Format::Pcd).ends_with(b"POINTS 0\nDATA binary\n"));
+    let npy = bytes(Format::Npy);
+    assert!(String::from_utf8_lossy(&npy).contains("'shape': (0, 3)") && npy.len() % 64 == 0);
+}
