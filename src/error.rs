@@ -99,6 +99,9 @@ pub enum Error {
         /// The id asked for.
         id: String,
     },
+    /// Nothing is at the path. 404. (The path is not repeated: it may hold anything.)
+    #[error("nothing is at this path; /openapi.json lists what there is")]
+    NoSuchPath,
     /// A parameter of the request is not valid. 400.
     #[error("{name}: {detail}")]
     InvalidParameter {
@@ -201,7 +204,7 @@ impl Error {
             Self::EmptyUpload => ("empty-upload", "Nothing to store", 0xC000, 422),
             Self::Unauthorized => ("unauthorized", "Unauthorized", 0x0124, 401),
             Self::Forbidden(_) => ("forbidden", "Forbidden", 0x0124, 403),
-            Self::NotFound { .. } => ("not-found", "Not found", 0x0112, 404),
+            Self::NotFound { .. } | Self::NoSuchPath => ("not-found", "Not found", 0x0112, 404),
             Self::InvalidParameter { .. } => ("invalid-parameter", "Invalid parameter", 0x0115, 400),
             Self::InvalidBody(_) => ("invalid-body", "Invalid body", 0x0115, 422),
             Self::UnsupportedMediaType(_) => {

@@ -43,7 +43,7 @@ pub fn openapi() -> OpenApi {
     let (_, mut api) = router::operations().split_for_parts();
     for (path, item) in &mut api.paths.paths {
         for (method, operation) in operations_of(item) {
-            complete(operation, access(&method, path));
+            complete(path, operation, access(&method, path));
         }
     }
     let components = api.components.get_or_insert_with(Components::new);
@@ -99,8 +99,12 @@ fn axum_method(method: &HttpMethod) -> Method {
     }
 }
 
-fn complete(operation: &mut Operation, access: Access) {
+fn complete(path: &str, operation: &mut Operation, access: Access) {
     let Responses { responses, .. } = &mut operation.responses;
+    if path.contains('{') {
+        // A parameter with a slash in it makes another path.
+        responses.entry("404".to_owned()).or_insert_with(|| described("Nothing is at this path."));
+    }
     for (status, description) in ANYWHERE {
         responses.entry(status.to_owned()).or_insert_with(|| described(description));
     }

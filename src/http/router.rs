@@ -1,8 +1,8 @@
 //! Routes and the layers around them.
 
 use axum::Router;
+use axum::http::HeaderValue;
 use axum::http::header::{CONTENT_SECURITY_POLICY, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS};
-use axum::http::{HeaderValue, Uri};
 use axum::middleware::from_fn_with_state;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -53,7 +53,7 @@ pub(super) fn router(state: AppState, shutdown: CancellationToken) -> Router {
     let (router, _) = operations().split_for_parts();
     router
         .merge(pages::routes())
-        .fallback(no_such_resource)
+        .fallback(nothing)
         .method_not_allowed_fallback(|| async { Error::MethodNotAllowed })
         // Layers run from the last to the first. `layer` wraps the fallbacks too.
         .layer(from_fn_with_state(context.clone(), auth::check))
@@ -66,6 +66,6 @@ pub(super) fn router(state: AppState, shutdown: CancellationToken) -> Router {
         .with_state(context)
 }
 
-async fn no_such_resource(uri: Uri) -> Error {
-    Error::NotFound { what: "resource", id: uri.path().to_owned() }
+async fn nothing() -> Error {
+    Error::NoSuchPath
 }

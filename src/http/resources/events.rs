@@ -38,6 +38,17 @@ struct Watching {
     step: Step,
 }
 
+/// One event of the stream.
+#[derive(utoipa::ToSchema)]
+#[expect(dead_code, reason = "for the API's description alone")]
+pub(in crate::http) struct EventMessage {
+    /// `progress` or `result`.
+    #[schema(pattern = "^(progress|result)$")]
+    event: String,
+    /// JSON: of `progress` with `id`, `state`, `stage`, `fraction`; of `result` the reconstruction.
+    data: String,
+}
+
 /// Watch a reconstruction
 ///
 /// Server-sent events. `progress` (data: `id`, `state`, `stage`, `fraction`) at once and with every
@@ -49,7 +60,7 @@ struct Watching {
     tag = "Reconstructions",
     params(("id" = uuid::Uuid, Path, description = "The reconstruction's id.")),
     responses(
-        (status = 200, description = "The events.", body = String, content_type = "text/event-stream"),
+        (status = 200, description = "The events.", body = EventMessage, content_type = "text/event-stream"),
         (status = 404, description = "No such reconstruction."),
     ),
 )]

@@ -29,10 +29,7 @@ pub(in crate::http) fn routes() -> Router<Context> {
 
 async fn asset(uri: Uri) -> Result<Response> {
     let file = uri.path().rsplit('/').next().unwrap_or("");
-    let (_, media_type, text) = ASSETS
-        .into_iter()
-        .find(|asset| asset.0 == file)
-        .ok_or_else(|| Error::NotFound { what: "page file", id: file.to_owned() })?;
+    let (_, media_type, text) = ASSETS.into_iter().find(|asset| asset.0 == file).ok_or(Error::NoSuchPath)?;
     let headers = [
         (CONTENT_TYPE, HeaderValue::from_static(media_type)),
         (CACHE_CONTROL, HeaderValue::from_static("no-cache")),

@@ -6,11 +6,20 @@ use serde::Deserialize;
 
 use super::{checked_cursor, page_limit, series_record};
 use crate::dicom::uid::StudyInstanceUid;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::http::Context;
 use crate::http::extract::{Parameters, SeriesPath};
 use crate::http::views::{PageView, ReconstructionView, RefusedView, SeriesDetail, SeriesView};
 use crate::store::{ReconstructionFilter, SeriesFilter, SeriesState};
+
+/// Refuses what no stored value can be (PS3.5 section 6.2: LO, SH).
+fn checked_length(name: &str, text: Option<&str>, most: usize) -> Result<()> {
+    if text.is_some_and(|text| text.chars().count() > most) {
+        let detail = format!("at most {most} characters");
+        return Err(Error::InvalidParameter { name: name.to_owned(), detail });
+    }
+    Ok(())
+}
 
 /// Which series, and which page of them.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -59,6 +68,8 @@ pub(in crate::http) async fn list_series(
     Parameters(query): Parameters<SeriesQuery>,
 ) -> Result<Json<PageView<SeriesView>>> {
     let limit = page_limit(&context, query.limit)?;
+    checked_length("PatientID", query.patient_id.as_deref(), 64)?;
+    checked_length("AccessionNumber", query.accession_number.as_deref(), 16)?;
     let filter = SeriesFilter {
         patient_id: query.patient_id,
         accession_number: query.accession_number,

@@ -1,0 +1,115 @@
+//! Connections, uploads and bodies have limits, and who meets one is told.
+
+use std::time::Duration;
+
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+
+use crate::support::http::{Server, problem, zip_of};
+
+/// Sends bytes on a connection of their own and reads until the server closes it.
+async fn raw(server: &Server, bytes: &[u8]) -> String {
+    let mut stream = TcpStream::connect(server.address).await.unwrap();
+    stream.write_all(bytes).await.unwrap();
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).await.unwrap();
+    String::from_utf8_lossy(&answer).into_owned()
+}
+
+#[tokio::test]
+async fn one_upload_more_than_allowed_is_told_to_come_back() {
+    let server = Server::with(|config| config.http.max_uploads = 1).await;
+    let mut slow = TcpStream::connect(server.address).await.unwrap();
+    slow.write_all(b"POST /v1/series HTTP/1.1\r\nhost: x\r\ncontent-length: 10000\r\n\r\nPK").await.unwrap();
+    // Until the first one has been let in, a second one may be; an upload of nothing is refused.
+    loop {
+        let response = server.post("/v1/series").body("x").send().await.unwrap();
+        if response.status() == 503 {
+            assert!(response.headers().contains_key("retry-after"));
+            problem(response, 503, "busy").await;
+            break;
+        }
+    }
+    drop(slow);
+    // The place is free again as soon as the server has seen that.
+    while server.post("/v1/series").body("x").send().await.unwrap().status() == 503 {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    server.upload("", zip_of(1, 3)).await;
+}
+
+#[tokio::test]
+async fn a_head_or_a_body_that_does_not_come_ends_the_connection() {
+    let server = Server::with(|config| config.http.idle_timeout = Duration::from_millis(300)).await;
+    assert_eq!(raw(&server, b"GET /healthz HTTP/1.1\r\nhost: x\r\nx-slow: ").await, "");
+    assert_eq!(raw(&server, b"").await, "");
+    for path in ["/v1/series", "/dicom-web/studies", "/v1/series/1.2/reconstructions"] {
+        let head = format!(
+            "POST {path} HTTP/1.1\r\nhost: x\r\ncontent-type: {}\r\ncontent-length: 100\r\n\r\nabc",
+            if path == "/dicom-web/studies" { "application/dicom" } else { "application/json" }
+        );
+        let head = if path == "/v1/series" { head.replace("json", "zip") } else { head };
+        let answer = raw(&server, head.as_bytes()).await;
+        assert!(answer.starts_with("HTTP/1.1 408 "), "{path}: {answer}");
+        assert!(answer.contains("urn:triplanar:problem:request-timeout"), "{path}: {answer}");
+    }
+}
+
+#[tokio::test]
+async fn a_body_that_breaks_off_stores_nothing() {
+    let server = Server::start().await;
+    let archive = zip_of(1, 3);
+    let mut stream = TcpStream::connect(server.address).await.unwrap();
+    let head =
+        format!("POST /v1/series HTTP/1.1\r\nhost: x\r\ncontent-length: {}\r\n\r\n", archive.len() + 1);
+    stream.write_all(head.as_bytes()).await.unwrap();
+    stream.write_all(&archive).await.unwrap();
+    drop(stream);
+    // A request after it is answered while nothing of the first is there.
+    let listed: serde_json::Value = server.get("/v1/series").send().await.unwrap().json().await.unwrap();
+    assert_eq!(listed["items"].as_array().unwrap().len(), 0);
+}
+
+#[tokio::test]
+async fn a_connection_beyond_the_limit_is_told_so() {
+    let server = Server::with(|config| config.http.max_connections = 2).await;
+    let mut held = Vec::new();
+    for _ in 0..2 {
+        let mut stream = TcpStream::connect(server.address).await.unwrap();
+        stream.write_all(b"GET /healthz HTTP/1.1\r\nhost: x\r\n\r\n").await.unwrap();
+        let mut first = [0; 12];
+        stream.read_exact(&mut first).await.unwrap();
+        assert_eq!(&first, b"HTTP/1.1 200");
+        held.push(stream);
+    }
+    let answer = raw(&server, b"GET /healthz HTTP/1.1\r\nhost: x\r\n\r\n").await;
+    assert!(answer.starts_with("HTTP/1.1 503 ") && answer.contains("urn:triplanar:problem:busy"), "{answer}");
+    drop(held);
+    while !raw(&server, b"GET /healthz HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n")
+        .await
+        .starts_with("HTTP/1.1 200")
+    {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+#[tokio::test]
+async fn a_stop_lets_a_request_that_runs_end() {
+    let mut server = Server::start().await;
+    let archive = zip_of(1, 3);
+    let mut stream = TcpStream::connect(server.address).await.unwrap();
+    let head = format!("POST /v1/series HTTP/1.1\r\nhost: x\r\ncontent-length: {}\r\n\r\n", archive.len());
+    stream.write_all(head.as_bytes()).await.unwrap();
+    let (first, rest) = archive.split_at(archive.len() / 2);
+    stream.write_all(first).await.unwrap();
+    // The request has arrived when its upload takes the only place… which a second one shows; here
+    // it is enough that its first half was read: the server accepts before it stops.
+    server.get("/healthz").send().await.unwrap();
+    server.shutdown.cancel();
+    stream.write_all(rest).await.unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).await.unwrap();
+    assert!(answer.starts_with("HTTP/1.1 202 "), "{answer}");
+    (&mut server.served).await.expect("the server ends");
+    assert!(TcpStream::connect(server.address).await.is_err(), "nobody listens any more");
+}
