@@ -22,6 +22,8 @@ pub(super) struct Incoming {
     limit_bytes: u64,
     setting: &'static str,
     idle_timeout: Duration,
+    /// Nothing more is to be waited for: the client is slow or gone.
+    over: bool,
 }
 
 impl Incoming {
@@ -33,6 +35,7 @@ impl Incoming {
             limit_bytes: settings.max_body_bytes,
             setting: "http.max_body_bytes",
             idle_timeout: settings.idle_timeout,
+            over: false,
         }
     }
 
@@ -51,9 +54,18 @@ impl Incoming {
     /// [`Error::RequestTimeout`] if none come for `http.idle_timeout`, [`Error::TooLarge`] beyond
     /// the limit, [`Error::MalformedUpload`] if the connection ends before the body does.
     pub(super) async fn chunk(&mut self) -> Result<Option<Bytes>> {
-        let next = tokio::time::timeout(self.idle_timeout, self.stream.next()).await;
-        let Some(chunk) = next.map_err(|_| Error::RequestTimeout)? else { return Ok(None) };
-        let chunk = chunk.map_err(|cause| Error::MalformedUpload(format!("the body broke off: {cause}")))?;
+        let chunk = match tokio::time::timeout(self.idle_timeout, self.stream.next()).await {
+            Ok(Some(Ok(chunk))) => chunk,
+            Ok(None) => return Ok(None),
+            Ok(Some(Err(cause))) => {
+                self.over = true;
+                return Err(Error::MalformedUpload(format!("the body broke off: {cause}")));
+            }
+            Err(_elapsed) => {
+                self.over = true;
+                return Err(Error::RequestTimeout);
+            }
+        };
         self.received = self.received.saturating_add(chunk.len() as u64);
         if self.received > self.limit_bytes {
             return Err(Error::TooLarge { limit_bytes: self.limit_bytes, setting: self.setting });
@@ -79,6 +91,9 @@ impl Incoming {
 
     /// Takes and drops what still comes, within limits.
     pub(super) async fn linger(mut self) {
+        if self.over {
+            return;
+        }
         let until = self.received.saturating_add(LINGER_BYTES);
         let rest = async {
             while let Some(Ok(chunk)) = self.stream.next().await {

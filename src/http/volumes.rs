@@ -33,7 +33,7 @@ impl Volumes {
     pub(super) fn new(store: Store, config: &Config) -> Self {
         Self {
             store,
-            limits: ReadLimits { max_voxels: config.jobs.max_voxels, ..ReadLimits::default() },
+            limits: config.read_limits(),
             kept: config.http.cached_volumes,
             slots: Mutex::default(),
             reading: tokio::sync::Mutex::new(()),

@@ -117,12 +117,12 @@ async fn a_report_is_served_as_json_and_as_csv() {
     assert_eq!(header(&json, "content-type"), "application/json");
     let json: Value = json.json().await.unwrap();
     assert_eq!(json["identity"]["series_instance_uid"], uid.as_str());
-    assert_eq!(json["slices"].as_array().unwrap().len(), 4 + 8 + 8);
+    assert_eq!(json["slices"].as_array().unwrap().len(), 10 + 8 + 8);
     let csv =
         server.get(&format!("/v1/series/{uid}/report")).header("accept", "text/csv").send().await.unwrap();
     assert!(header(&csv, "content-type").starts_with("text/csv"));
     let csv = csv.text().await.unwrap();
-    assert_eq!(csv.lines().count(), 1 + 4 + 8 + 8);
+    assert_eq!(csv.lines().count(), 1 + 10 + 8 + 8);
     assert!(csv.starts_with("plane,index,accepted,reason"));
     let png =
         server.get(&format!("/v1/series/{uid}/report")).header("accept", "image/png").send().await.unwrap();
@@ -146,7 +146,7 @@ async fn slices_are_pictures_however_many_ask_at_once() {
         let picture = image::load_from_memory(&response.bytes().await.unwrap()).expect("a PNG");
         assert_eq!(picture.width(), 8);
     }
-    for nothing in ["axial/4.png", "oblique/0.png", "axial/0.jpg", "axial/-1.png", "axial/99999.png"] {
+    for nothing in ["axial/10.png", "oblique/0.png", "axial/0.jpg", "axial/-1.png", "axial/99999.png"] {
         let response =
             server.get(&format!("/v1/reconstructions/{id}/slices/{nothing}")).send().await.unwrap();
         problem(response, 404, "not-found").await;
@@ -173,7 +173,7 @@ async fn pictures_of_removed_instances_are_gone() {
 async fn a_late_slice_leaves_the_old_cloud_served() {
     let server = Server::start().await;
     let (uid, old) = server.succeeded(1).await;
-    server.upload("", slices(1, 5)[4].part10()).await;
+    server.upload("", slices(1, 11)[10].part10()).await;
     server.finish(&uid).await;
     let old: Value =
         server.get(&format!("/v1/reconstructions/{old}")).send().await.unwrap().json().await.unwrap();

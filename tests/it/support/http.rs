@@ -25,7 +25,7 @@ use super::entrance::settings;
 use super::slice::Slice;
 
 /// Slices of a series of these tests.
-pub(crate) const SLICES: u32 = 4;
+pub(crate) const SLICES: u32 = 10;
 
 /// A running server; dropped, it stops.
 pub(crate) struct Server {
@@ -164,7 +164,7 @@ pub(crate) fn metadata(uid: &SeriesInstanceUid, plane: Option<Plane>) -> Metadat
     }
 }
 
-/// One accepted and otherwise rejected slices: 4 axial, 8 sagittal, 8 coronal.
+/// One accepted and otherwise rejected slices: 10 axial, 8 sagittal, 8 coronal.
 fn rows() -> Vec<SliceRow> {
     let row = |plane, index| SliceRow {
         plane,
