@@ -142,7 +142,8 @@ async fn store(
     if outcomes.is_empty() {
         return Err(Error::EmptyUpload);
     }
-    context.intake.upload_ended(id).await?;
+    // A PACS may store a series in many requests: the quiet time tells the last one.
+    context.intake.association_ended(id).await?;
     Ok(response::respond(&outcomes, &storing.identities))
 }
 

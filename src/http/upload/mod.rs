@@ -49,7 +49,8 @@ const SINGLE_BODIES: [&str; 9] = [
 #[into_params(parameter_in = Query)]
 pub(super) struct UploadQuery {
     /// Instances that each series of the upload has in all. With it, a series is complete when it
-    /// has so many; without it, at the end of the upload.
+    /// has so many; without it, at the end of the upload (after a single slice: when nothing more
+    /// came for the short quiet time).
     #[param(minimum = 1, maximum = 1_000_000, example = 145)]
     expect: Option<u64>,
 }
@@ -159,11 +160,23 @@ async fn finish(context: &Context, received: Received, expect: Option<u64>) -> R
             context.intake.expect(&series, expect).await?;
         }
     }
+    let uids = if expect.is_none() && is_lone_slice(&outcomes) {
+        context.intake.association_ended(id).await?;
+        series_of(&outcomes).into_iter().collect()
+    } else {
+        context.intake.upload_ended(id).await?
+    };
     let mut series = Vec::new();
-    for uid in context.intake.upload_ended(id).await? {
+    for uid in uids {
         series.extend(uploaded_series(context, &uid).await?);
     }
     Ok(Tally::of(outcomes, skipped).answer(series))
+}
+
+/// One instance of one frame is no series: the rest comes in requests of its own, and the short
+/// quiet time tells its end.
+fn is_lone_slice(outcomes: &[Outcome]) -> bool {
+    matches!(outcomes, [Outcome { result: Ok(receipt), .. }] if receipt.header.frames == 1)
 }
 
 fn series_of(outcomes: &[Outcome]) -> std::collections::BTreeSet<SeriesInstanceUid> {

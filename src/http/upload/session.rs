@@ -33,6 +33,7 @@ pub(in crate::http) struct Session {
     running: FuturesUnordered<JoinHandle<Outcome>>,
     outcomes: Vec<Outcome>,
     begun: usize,
+    finished: bool,
 }
 
 /// An instance that is arriving.
@@ -53,6 +54,7 @@ impl Session {
             running: FuturesUnordered::new(),
             outcomes: Vec::new(),
             begun: 0,
+            finished: false,
         }
     }
 
@@ -104,7 +106,7 @@ impl Session {
     }
 
     /// Waits for all instances: what became of each, in the order in which they came, and the
-    /// session's id for `Intake::upload_ended`.
+    /// session's id, with which the intake must be told how it ended.
     ///
     /// # Errors
     /// What ends the whole request.
@@ -112,8 +114,10 @@ impl Session {
         while !self.running.is_empty() {
             self.next_outcome().await?;
         }
-        self.outcomes.sort_by_key(|outcome| outcome.index);
-        Ok((self.id, self.outcomes))
+        self.finished = true;
+        let mut outcomes = std::mem::take(&mut self.outcomes);
+        outcomes.sort_by_key(|outcome| outcome.index);
+        Ok((self.id, outcomes))
     }
 
     async fn next_outcome(&mut self) -> Result<()> {
@@ -122,6 +126,25 @@ impl Session {
         let result = fatal(outcome.result)?;
         self.outcomes.push(Outcome { result, ..outcome });
         Ok(())
+    }
+}
+
+impl Drop for Session {
+    /// A request that broke off has ended as an association does: what came of its series is
+    /// complete after the short quiet time.
+    fn drop(&mut self) {
+        if self.finished || self.begun == 0 {
+            return;
+        }
+        let (intake, id) = (self.intake.clone(), self.id);
+        let mut running = std::mem::take(&mut self.running);
+        tokio::spawn(async move {
+            while running.next().await.is_some() {}
+            if let Err(error) = intake.association_ended(id).await {
+                // The quiet time completes its series all the same.
+                tracing::error!(upload = %id, %error, "the upload's end was not recorded");
+            }
+        });
     }
 }
 
