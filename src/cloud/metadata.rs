@@ -29,11 +29,16 @@ pub(super) mod key {
     pub(crate) const PARAMETERS: &str = "parameters";
 }
 
+/// Characters of a value on one line. Readers have buffers: CloudCompare's PLY reader dies of a line
+/// of more than 1024 bytes.
+const MAX_VALUE: usize = 200;
+
 /// The value of [`key::PLANE`] for the merged cloud.
 pub(super) const TRIPLANAR: &str = "triplanar";
 
 impl Metadata {
-    /// The lines `key value` that stand as comments in formats that have comments, in their order.
+    /// The lines `key value` that stand as comments in formats that have comments, in their order. A
+    /// long value goes on in the next line, under the same key.
     pub(super) fn lines(&self, frame: Frame) -> Vec<(&'static str, String)> {
         let mut lines = vec![
             (key::FRAME, frame.name().to_owned()),
@@ -44,13 +49,16 @@ impl Metadata {
         if let Some(uid) = &self.frame_of_reference_uid {
             lines.push((key::FRAME_OF_REFERENCE, uid.to_string()));
         }
-        lines.push((key::SOFTWARE, on_one_line(&self.software)));
-        lines.push((key::PARAMETERS, on_one_line(&self.parameters_json)));
+        lines.extend(on_lines(&self.software).map(|part| (key::SOFTWARE, part)));
+        lines.extend(on_lines(&self.parameters_json).map(|part| (key::PARAMETERS, part)));
         lines
     }
 }
 
-/// Line breaks and other control characters would end a comment.
-fn on_one_line(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>().trim().to_owned()
+/// The text in parts of at most [`MAX_VALUE`] characters. Line breaks and other control characters
+/// would end a comment: they become blanks.
+fn on_lines(text: &str) -> impl Iterator<Item = String> {
+    let characters: Vec<char> = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let parts: Vec<_> = characters.chunks(MAX_VALUE).map(|part| part.iter().collect()).collect();
+    parts.into_iter()
 }

@@ -13,6 +13,9 @@ mod uids;
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+use ndarray::Array3;
 
 pub use options::{Acquisition, InvalidOptions, Options, Order, PatientPosition};
 
@@ -27,6 +30,8 @@ pub struct Phantom {
     options: Options,
     head: Head,
     pose: Pose,
+    /// Measured when they are first asked for.
+    voxels: OnceLock<Arc<Array3<i16>>>,
 }
 
 impl Phantom {
@@ -38,7 +43,18 @@ impl Phantom {
         options.check()?;
         let head = Head::new(options.seed);
         let pose = Pose::new(options.pitch_deg, options.roll_deg, options.yaw_deg);
-        Ok(Self { options, head, pose })
+        Ok(Self { options, head, pose, voxels: OnceLock::new() })
+    }
+
+    /// The same voxels, cut into images in another way.
+    ///
+    /// # Errors
+    /// An acquisition that its options exclude.
+    pub fn acquired_as(&self, acquisition: Acquisition) -> Result<Self, InvalidOptions> {
+        let options = Options { acquisition, ..self.options.clone() };
+        options.check()?;
+        self.voxels();
+        Ok(Self { options, ..self.clone() })
     }
 
     /// What it was made from.
@@ -84,20 +100,20 @@ impl Phantom {
     /// The scan as a volume, as the reader of its files must give it.
     #[must_use]
     pub fn volume(&self) -> Volume {
-        files::volume(&self.options, self.grid(), self.voxels())
+        files::volume(&self.options, self.grid(), self.voxels().clone())
     }
 
     /// The scan as single-frame CT Image instances (PS3.3 A.3), Part 10 files in explicit VR
     /// little endian, in the order of their instance numbers.
     #[must_use]
     pub fn instances(&self) -> Vec<(SopInstanceUid, Vec<u8>)> {
-        files::single_frames(&self.options, &self.grid(), &self.voxels())
+        files::single_frames(&self.options, &self.grid(), self.voxels())
     }
 
     /// The scan as one Enhanced CT Image instance (PS3.3 A.38), a Part 10 file.
     #[must_use]
     pub fn enhanced_instance(&self) -> (SopInstanceUid, Vec<u8>) {
-        files::multi_frame(&self.options, &self.grid(), &self.voxels())
+        files::multi_frame(&self.options, &self.grid(), self.voxels())
     }
 
     /// Writes [`Phantom::instances`] as `IM00001.dcm`, … into a folder, which is made if need be.
@@ -115,7 +131,7 @@ impl Phantom {
         Ok(paths)
     }
 
-    fn voxels(&self) -> ndarray::Array3<i16> {
-        scan::voxels(&self.options, &self.head, &self.pose)
+    fn voxels(&self) -> &Array3<i16> {
+        self.voxels.get_or_init(|| Arc::new(scan::voxels(&self.options, &self.head, &self.pose)))
     }
 }

@@ -100,8 +100,9 @@ pub(crate) fn solve<const N: usize, const M: usize>(system: &mut [[f64; M]; N]) 
         for row in 0..N {
             if row != column {
                 let factor = system[row][column] / system[column][column];
-                for k in column..M {
-                    system[row][k] -= factor * system[column][k];
+                let above = system[column];
+                for (value, pivot) in system[row].iter_mut().zip(above) {
+                    *value -= factor * pivot;
                 }
             }
         }

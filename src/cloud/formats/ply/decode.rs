@@ -110,6 +110,10 @@ impl Header {
         }
         let comment =
             |key: &str| self.comments.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str());
+        let joined = |key: &str| {
+            let parts = self.comments.iter().filter(|(name, _)| name == key);
+            parts.map(|(_, value)| value.as_str()).collect::<String>()
+        };
         let frame = [Frame::Lps, Frame::Ras].into_iter().find(|f| comment(key::FRAME) == Some(f.name()));
         let plane = match comment(key::PLANE) {
             Some(TRIPLANAR) => None,
@@ -125,8 +129,8 @@ impl Header {
             series_instance_uid: uid(key::SERIES).ok_or_else(|| lacks("`series_instance_uid`"))?,
             frame_of_reference_uid: comment(key::FRAME_OF_REFERENCE).and_then(|text| text.parse().ok()),
             plane,
-            software: comment(key::SOFTWARE).unwrap_or_default().to_owned(),
-            parameters_json: comment(key::PARAMETERS).unwrap_or_default().to_owned(),
+            software: joined(key::SOFTWARE),
+            parameters_json: joined(key::PARAMETERS),
         };
         Ok((encoding, vertices, frame.ok_or_else(|| lacks("`frame`"))?, metadata))
     }

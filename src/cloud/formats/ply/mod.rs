@@ -1,6 +1,7 @@
 //! PLY 1.0 (Turk 1994), binary little endian and ascii: writing, and reading back what we wrote.
 //!
-//! The comments carry frame, unit, plane, UIDs, software and parameters. A vertex has the
+//! The comments carry frame, unit, plane, UIDs, software and parameters (JSON; a long value goes on
+//! in the next comment of the same key). A vertex has the
 //! properties x, y, z (float), `planes` (uchar, bits: 1 axial, 2 sagittal, 4 coronal) and `unique`
 //! (uchar, 0 or 1).
 
