@@ -47,7 +47,8 @@ pcl_ply2pcd ascii.ply from_ascii.pcd >>pcl.log 2>&1
 check "pcl_ply2pcd, PLY ascii" "$points" "$(pcd_points from_ascii.pcd)"
 pcl_pcd2ply binary.pcd from_pcd.ply >>pcl.log 2>&1
 check "pcl_pcd2ply, PCD" "$points" "$(ply_points from_pcd.ply)"
-for file in binary.ply ascii.ply binary.pcd; do
+# Debian's CloudCompare opens no PCD: it gets what PCL made of ours.
+for file in binary.ply ascii.ply from_pcd.ply; do
   check "CloudCompare, $file" "$points" "$(cloudcompare_points "$file")"
 done
 echo "$passed passed, $failed failed"
