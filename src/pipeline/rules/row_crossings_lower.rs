@@ -69,7 +69,6 @@ fn last_row(picture: &Bitmap, limits: &RowCrossingsLowerThresholds) -> Option<us
     let height = picture.height();
     (height / 2..height)
         .step_by(limits.row_step.max(1) as usize)
-        .filter(|&row| picture.is_white(row, picture.width() / 2))
-        .next_back()
+        .rfind(|&row| picture.is_white(row, picture.width() / 2))
         .or_else(|| height.checked_sub(limits.fallback_margin as usize))
 }
