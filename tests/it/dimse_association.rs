@@ -38,8 +38,9 @@ fn an_association_that_is_not_for_us_is_rejected_with_its_reason() {
     let listener = Listener::start(|config| {
         config.dimse.calling_ae_titles = vec!["TESTER".to_owned(), "PACS".to_owned()];
     });
-    // PS3.8 table 9-21: result, source, reason.
-    let cases: [(fn(&mut Request), [u8; 3]); 6] = [
+    /// What is wrong with the request; result, source and reason of the answer (PS3.8 table 9-21).
+    type Case = (fn(&mut Request), [u8; 3]);
+    let cases: [Case; 6] = [
         (|r| r.called = "SOMEONE".to_owned(), [1, 1, 7]),
         (|r| r.calling = "STRANGER".to_owned(), [1, 1, 3]),
         (|r| r.application_context = "1.2.840.10008.3.1.1.2".to_owned(), [1, 1, 2]),

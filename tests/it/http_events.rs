@@ -32,7 +32,7 @@ async fn a_watcher_hears_every_stage_and_then_the_result() {
 
     // Who comes late hears the result alone.
     let late = server.get(&format!("/v1/reconstructions/{id}/events")).send().await.unwrap();
-    assert_eq!(events(&late.text().await.unwrap()), [last.clone()]);
+    assert_eq!(events(&late.text().await.unwrap()), std::slice::from_ref(last));
     let none =
         server.get("/v1/reconstructions/01a20209-e478-722b-88d2-be86ff8bf75c/events").send().await.unwrap();
     problem(none, 404, "not-found").await;
