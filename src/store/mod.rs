@@ -6,7 +6,7 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | [`records`], [`queue`] | what the rest of the service sees |
+//! | `records`, `queue` | what the rest of the service sees |
 //! | `open.rs` | locking, migration, clean-up at start |
 //! | `reading.rs` | series, instances and reconstructions as they are |
 //! | `receiving.rs` | what only the intake does |

@@ -15,7 +15,7 @@ pub(super) const EXIT: u8 = 3;
 /// The outermost borders of the white components, each in the order in which the border is
 /// followed, a pixel as often as it is passed.
 ///
-/// The border pixels stay marked in the picture ([`BORDER`], [`EXIT`]).
+/// The border pixels stay marked in the picture (`BORDER`, `EXIT`).
 #[must_use]
 pub fn external_contours(picture: &mut Bitmap) -> Vec<Vec<Pixel>> {
     let (width, height, stride) = (picture.width(), picture.height(), picture.stride());
