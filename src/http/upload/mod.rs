@@ -110,8 +110,8 @@ pub(super) async fn upload_series(
         (Some(essence), _) if !SINGLE_BODIES.contains(&essence) => {
             incoming.linger().await;
             return Err(Error::UnsupportedMediaType(
-                "send application/zip, application/x-tar, application/gzip, application/dicom or \
-                 multipart/form-data"
+                "Content-Type must be application/zip, application/x-tar, application/gzip, \
+                 application/dicom, application/octet-stream or multipart/form-data"
                     .to_owned(),
             ));
         }
