@@ -1,7 +1,7 @@
 //! A synthetic head CT whose skin is known exactly: what the demo and the tests look at.
 //!
-//! The head is an implicit surface (`anatomy`), not symmetric: it has one ear, on its left, so that
-//! a mirrored cloud is seen. `scan` images it: partial volume, blur, noise, any orientation of
+//! The head is an implicit surface (`anatomy`), not symmetric: its cranium is askew and it has one
+//! ear, on its left, so that a mirrored cloud is seen. `scan` images it: partial volume, blur, noise, any orientation of
 //! acquisition, gantry tilt; `files` writes the scan as DICOM. Nobody was scanned for it.
 
 mod anatomy;

@@ -1,5 +1,6 @@
 //! The outer surface of the head. Head axes: x left, y posterior, z superior, mm; the origin is the
-//! centre of the cranium. The one ear is on the left.
+//! centre of the cranium. The one ear is on the left, and the
+//! cranium is askew.
 
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
@@ -44,10 +45,8 @@ impl Head {
     /// The implicit surface: negative inside, 0 on the skin, about mm next to it.
     pub(in crate::phantom) fn value(&self, p: Vec3) -> f64 {
         let [rx, ry, rz] = self.cranium;
-        let [x, y, z] = p;
-        let either = [x.abs(), y, z];
-        // Wider at the back.
-        let cranium = ellipsoid([x / (1.0 + 0.0006 * y), y, z], [0.0; 3], [rx, ry, rz]);
+        let either = [p[0].abs(), p[1], p[2]];
+        let cranium = ellipsoid(cranium_axes(p), [0.0; 3], [rx, ry, rz]);
         let face = ellipsoid(p, [0.0, -39.0, -44.0], [0.82 * rx, 0.57 * ry, 74.0]);
         let mut f = join(cranium, face, 17.0);
         f = join(f, ellipsoid(p, [0.0, -53.0, -93.0], [self.jaw, 35.0, 27.0]), 14.0);
@@ -106,6 +105,13 @@ impl Head {
         }
         p
     }
+}
+
+/// Makes an ellipsoid a cranium: wider at the back, and askew (its left half lies further back), as
+/// many are, so that a mirrored cloud is nowhere near the skin.
+#[inline(always)]
+pub(super) fn cranium_axes([x, y, z]: Vec3) -> Vec3 {
+    [x / (1.0 + 0.0006 * y), y - 0.07 * x, z]
 }
 
 /// An elliptic cylinder that leans back towards the feet, from the skull's base down.

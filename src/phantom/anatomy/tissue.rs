@@ -2,6 +2,7 @@
 
 use super::Head;
 use super::blend::{capsule, ellipsoid};
+use super::head::cranium_axes;
 use crate::geometry::Vec3;
 
 /// Air.
@@ -31,10 +32,10 @@ impl Head {
 
     /// The brain's case and what is in it.
     fn skull(&self, p: Vec3) -> Option<f64> {
-        let [x, y, z] = p;
+        let [_, y, z] = p;
         let radii = self.cranium.map(|r| r - SCALP);
         let base = 0.35 * (y + 20.0) - z - 60.0;
-        let s = ellipsoid([x / (1.0 + 0.0006 * y), y, z], [0.0; 3], radii).max(base);
+        let s = ellipsoid(cranium_axes(p), [0.0; 3], radii).max(base);
         match s {
             s if s > 0.0 => None,
             s if s > -1.8 || (-6.2..-4.4).contains(&s) => Some(1150.0),
