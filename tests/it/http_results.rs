@@ -174,6 +174,9 @@ async fn a_late_slice_leaves_the_old_cloud_served() {
     let server = Server::start().await;
     let (uid, old) = server.succeeded(1).await;
     server.upload("", slices(1, 11)[10].part10()).await;
+    // A lone slice waits for more; here none comes.
+    let complete = server.post(&format!("/v1/series/{uid}/complete")).send().await.unwrap();
+    assert_eq!(complete.status(), 202);
     server.finish(&uid).await;
     let old: Value =
         server.get(&format!("/v1/reconstructions/{old}")).send().await.unwrap().json().await.unwrap();
