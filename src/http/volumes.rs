@@ -1,9 +1,11 @@
-//! Volumes for slice pictures: the last few are kept, and each is read once however many requests
-//! wait for it.
+//! Volumes for slice pictures: the last few are kept, each is read once however many requests wait
+//! for it, and no more than those few are in memory or on their way there.
 
+use std::ops::Deref;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
-use tokio::sync::OnceCell;
+use tokio::sync::{Notify, OnceCell};
 
 use crate::config::Config;
 use crate::dicom::Volume;
@@ -21,12 +23,26 @@ type Slot = Arc<OnceCell<Arc<Volume>>>;
 pub(super) struct Volumes {
     store: Store,
     limits: ReadLimits,
-    /// Volumes that are kept when nobody uses them.
-    kept: usize,
-    /// The latest used last.
-    slots: Mutex<Vec<(Key, Slot)>>,
+    /// So long a request waits for a place.
+    patience: Duration,
+    places: Arc<Places>,
     /// One series is read at a time: it takes memory and all processors.
-    reading: tokio::sync::Mutex<()>,
+    reading: Arc<tokio::sync::Mutex<()>>,
+}
+
+/// A volume that stays in memory as long as this lives.
+pub(super) struct InUse {
+    // Fields are dropped in this order: the place is free when the volume is gone.
+    volume: Arc<Volume>,
+    _place: Place,
+}
+
+impl Deref for InUse {
+    type Target = Volume;
+
+    fn deref(&self) -> &Volume {
+        &self.volume
+    }
 }
 
 impl Volumes {
@@ -34,58 +50,138 @@ impl Volumes {
         Self {
             store,
             limits: config.read_limits(),
-            kept: config.http.cached_volumes,
-            slots: Mutex::default(),
-            reading: tokio::sync::Mutex::new(()),
+            patience: config.http.idle_timeout,
+            places: Arc::new(Places::new(config.http.cached_volumes)),
+            reading: Arc::default(),
         }
     }
 
     /// The volume that a reconstruction was made from.
     ///
     /// # Errors
-    /// [`Error::SourceRemoved`] if its instances are gone.
-    pub(super) async fn of(&self, record: &ReconstructionRecord) -> Result<Arc<Volume>> {
+    /// [`Error::SourceRemoved`] if its instances are gone, [`Error::Busy`] if others are in use for
+    /// too long.
+    pub(super) async fn of(&self, record: &ReconstructionRecord) -> Result<InUse> {
         let key = (record.series_instance_uid.clone(), record.instances_sha256);
-        let volume = self.slot(&key).get_or_try_init(|| self.read(record)).await.cloned();
-        if self.kept == 0 {
-            self.slots().retain(|(each, _)| *each != key);
-        }
-        volume
+        let place = tokio::time::timeout(self.patience, self.places.wait_for(&key))
+            .await
+            .map_err(|_| Error::Busy("pictures of http.cached_volumes other series are being made"))?;
+        let volume = place.slot.get_or_try_init(|| self.read(record, &place)).await?;
+        Ok(InUse { volume: Arc::clone(volume), _place: place.clone() })
     }
 
-    fn slot(&self, key: &Key) -> Slot {
-        let mut slots = self.slots();
-        let found = slots.iter().position(|(each, _)| each == key);
-        let slot = found.map_or_else(Slot::default, |at| slots.remove(at).1);
-        // Those in use stay findable, so that nobody reads them a second time.
-        let excess = (slots.len() + 1).saturating_sub(self.kept.max(1));
-        let mut dropped = 0;
-        slots.retain(|(_, slot)| {
-            let goes = dropped < excess && Arc::strong_count(slot) == 1;
-            dropped += usize::from(goes);
-            !goes
-        });
-        slots.push((key.clone(), Arc::clone(&slot)));
-        slot
-    }
-
-    fn slots(&self) -> MutexGuard<'_, Vec<(Key, Slot)>> {
-        self.slots.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    async fn read(&self, record: &ReconstructionRecord) -> Result<Arc<Volume>> {
+    async fn read(&self, record: &ReconstructionRecord, place: &Place) -> Result<Arc<Volume>> {
         let instances = self.store.instances_of(record).await?;
-        let _one_at_a_time = self.reading.lock().await;
+        let turn = Arc::clone(&self.reading).lock_owned().await;
         let source = self.store.instance_source(&instances);
-        let limits = self.limits;
-        let volume = tokio::task::spawn_blocking(move || read(&source, &limits, &Silent)).await;
-        match volume.map_err(Error::internal)? {
+        let (limits, place) = (self.limits, place.clone());
+        // A client that goes away stops no thread: until it has ended, place and turn are taken.
+        let reading = tokio::task::spawn_blocking(move || (read(&source, &limits, &Silent), place, turn));
+        let (volume, _place, _turn) = reading.await.map_err(Error::internal)?;
+        match volume {
             Ok((volume, _warnings)) => Ok(Arc::new(volume)),
             Err(cause) => {
                 // It was readable once: the instances may have been removed meanwhile.
                 self.store.instances_of(record).await?;
                 Err(Error::internal(cause))
             }
+        }
+    }
+}
+
+/// Places for volumes, the latest used last.
+struct Places {
+    /// Volumes that are kept when nobody uses them.
+    kept: usize,
+    slots: Mutex<Vec<(Key, Slot)>>,
+    /// Told that a place may be free.
+    released: Notify,
+}
+
+/// A place that is held.
+#[derive(Clone)]
+struct Place {
+    // Fields are dropped in this order: whoever is told finds the slot unused.
+    slot: Slot,
+    _release: Release,
+}
+
+#[derive(Clone)]
+struct Release(Arc<Places>);
+
+impl Drop for Release {
+    fn drop(&mut self) {
+        let kept = self.0.kept > 0;
+        // What nobody uses stays only if it holds a volume that is to be kept.
+        self.0.slots().retain(|(_, slot)| Arc::strong_count(slot) > 1 || (kept && slot.initialized()));
+        self.0.released.notify_waiters();
+    }
+}
+
+impl Places {
+    fn new(kept: usize) -> Self {
+        Self { kept, slots: Mutex::default(), released: Notify::new() }
+    }
+
+    async fn wait_for(self: &Arc<Self>, key: &Key) -> Place {
+        loop {
+            // Listens before it looks, so that no release is missed in between.
+            let mut released = std::pin::pin!(self.released.notified());
+            released.as_mut().enable();
+            if let Some(place) = self.take(key) {
+                return place;
+            }
+            released.await;
+        }
+    }
+
+    /// The key's place, a free one, or that of the volume that nobody has used for longest.
+    fn take(self: &Arc<Self>, key: &Key) -> Option<Place> {
+        let mut slots = self.slots();
+        let slot = if let Some(at) = slots.iter().position(|(each, _)| each == key) {
+            slots.remove(at).1
+        } else {
+            if slots.len() >= self.kept.max(1) {
+                // Slots are shared under the lock alone: what is unused here stays so.
+                let unused = slots.iter().position(|(_, slot)| Arc::strong_count(slot) == 1)?;
+                slots.remove(unused);
+            }
+            Slot::default()
+        };
+        slots.push((key.clone(), Arc::clone(&slot)));
+        Some(Place { slot, _release: Release(Arc::clone(self)) })
+    }
+
+    fn slots(&self) -> MutexGuard<'_, Vec<(Key, Slot)>> {
+        self.slots.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn key(series: u8) -> Key {
+        ("1.2.3".parse().unwrap(), [series; 32])
+    }
+
+    #[tokio::test]
+    async fn there_are_no_more_places_than_volumes_may_be_in_memory() {
+        for (kept, bound) in [(0, 1), (1, 1), (3, 3)] {
+            let places = Arc::new(Places::new(kept));
+            let mut held: Vec<_> = (0..bound).map(|i| places.take(&key(i)).expect("a free place")).collect();
+            assert!(places.take(&key(9)).is_none(), "{kept} kept");
+            assert!(places.take(&key(0)).is_some(), "a series that has its place shares it");
+            let waiting = tokio::spawn({
+                let places = Arc::clone(&places);
+                async move { places.wait_for(&key(9)).await }
+            });
+            tokio::task::yield_now().await;
+            held.pop();
+            let ninth = waiting.await.unwrap();
+            assert_eq!(places.slots().len(), usize::from(bound));
+            drop((ninth, held));
+            assert!(places.slots().is_empty(), "what was never read takes no place");
         }
     }
 }

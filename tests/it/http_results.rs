@@ -154,6 +154,22 @@ async fn slices_are_pictures_however_many_ask_at_once() {
 }
 
 #[tokio::test]
+async fn pictures_of_more_series_than_volumes_may_be_in_memory_take_turns() {
+    for cached in [0, 1] {
+        let server = Server::with(|config| config.http.cached_volumes = cached).await;
+        let mut ids = Vec::new();
+        for series in 1..=3 {
+            ids.push(server.succeeded(series).await.1);
+        }
+        let asked = (0..10)
+            .map(|i| server.get(&format!("/v1/reconstructions/{}/slices/axial/{i}.png", ids[i % 3])).send());
+        for response in futures_util::future::join_all(asked).await {
+            assert_eq!(response.unwrap().status(), 200, "{cached} cached");
+        }
+    }
+}
+
+#[tokio::test]
 async fn pictures_of_removed_instances_are_gone() {
     let server = Server::start().await;
     let (uid, id) = server.succeeded(1).await;

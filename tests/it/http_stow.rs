@@ -105,6 +105,19 @@ async fn refused_instances_have_their_failure_reason() {
 }
 
 #[tokio::test]
+async fn a_request_has_no_more_parts_than_an_archive_files() {
+    let server = Server::with(|config| config.http.max_archive_entries = 3).await;
+    let content_type = "multipart/related; type=\"application/dicom\"; boundary=b";
+    for part in [(DICOM, b"".as_slice()), (Some("text/plain"), b"x")] {
+        let post =
+            |count| store(&server, "/dicom-web/studies", content_type, related("b", &vec![part; count]));
+        let told = answer(post(3).await, 409).await;
+        assert_eq!(told["0008119A"]["Value"].as_array().unwrap().len(), 3);
+        problem(post(4).await, 413, "archive-too-large").await;
+    }
+}
+
+#[tokio::test]
 async fn an_instance_of_another_study_is_not_stored() {
     let server = Server::start().await;
     let slice = Slice::of(1, 1);

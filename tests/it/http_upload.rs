@@ -7,13 +7,14 @@ use reqwest::multipart::{Form, Part};
 use crate::support::http::{SLICES, Server, problem, slices, zip_of, zipped};
 use crate::support::slice::Slice;
 
+/// A tar of `extra`, and then of a whole series in deep folders.
 fn tarred(series: u32, extra: &[(&str, &[u8])]) -> Vec<u8> {
     let mut archive = tar::Builder::new(Vec::new());
     let files = slices(series, SLICES)
         .into_iter()
         .map(|s| (format!("{}/{}", "deep/".repeat(30), s.number), s.part10()));
     let extra = extra.iter().map(|(name, bytes)| ((*name).to_owned(), bytes.to_vec()));
-    for (name, bytes) in files.chain(extra) {
+    for (name, bytes) in extra.chain(files) {
         let mut header = tar::Header::new_gnu();
         header.set_size(bytes.len() as u64);
         header.set_mode(0o644);
@@ -184,7 +185,7 @@ async fn bombs_and_bodies_beyond_a_limit_are_refused() {
     instance.resize(3_000_000, 0);
     problem(post(zipped(&[("bomb", &instance)])).await.unwrap(), 413, "archive-too-large").await;
     problem(post(gzipped(&instance)).await.unwrap(), 413, "archive-too-large").await;
-    // What is passed over counts too.
+    // What is passed over counts too; here it comes before any instance.
     let zeros = vec![0; 3_000_000];
     problem(post(gzipped(&tarred(1, &[("zeros", &zeros)]))).await.unwrap(), 413, "archive-too-large").await;
     problem(post(zip_of(1, 6)).await.unwrap(), 413, "archive-too-large").await;
@@ -192,5 +193,28 @@ async fn bombs_and_bodies_beyond_a_limit_are_refused() {
     let pieces = (0..20).map(|_| Ok::<_, std::io::Error>(vec![0_u8; 65_536]));
     let chunked = reqwest::Body::wrap_stream(futures_util::stream::iter(pieces));
     problem(server.post("/v1/series").body(chunked).send().await.unwrap(), 413, "too-large").await;
+    // Whole instances ahead of a limit would have been stored: there were none.
     assert!(server.store.list_series(&Default::default(), None, 10).await.unwrap().rows.is_empty());
+}
+
+#[tokio::test]
+async fn limits_hold_for_all_archives_of_a_form_together() {
+    let tar = tarred(1, &[]);
+    let form = |archives: &[Vec<u8>]| {
+        archives.iter().fold(Form::new(), |form, archive| {
+            form.part("files", Part::bytes(archive.clone()).file_name("archive"))
+        })
+    };
+    // Each archive is a file of the form too.
+    let zips: Vec<_> = (1..=3).map(|series| zip_of(series, 3)).collect();
+    let server = Server::with(|config| config.http.max_archive_entries = 2 * (1 + 3)).await;
+    let post = |archives| server.post("/v1/series").multipart(form(archives)).send();
+    problem(post(&zips).await.unwrap(), 413, "archive-too-large").await;
+    assert_eq!(post(&zips[..2]).await.unwrap().status(), 202);
+
+    let server = Server::with(|config| config.http.max_unpacked_bytes = tar.len() as u64 * 3 / 2).await;
+    let post = |archives| server.post("/v1/series").multipart(form(archives)).send();
+    let twice = [gzipped(&tar), gzipped(&tar)];
+    problem(post(&twice).await.unwrap(), 413, "archive-too-large").await;
+    assert_eq!(post(&twice[..1]).await.unwrap().status(), 202);
 }

@@ -15,7 +15,7 @@ use super::extract::StudyPath;
 use super::identity::Identity;
 use super::media_type::{MediaType, negotiate};
 use super::multipart::Multipart;
-use super::upload::{Arriving, Session, admit};
+use super::upload::{Arriving, Budget, Session, admit};
 use crate::dicom::uid::StudyInstanceUid;
 use crate::error::{Error, Result};
 
@@ -45,7 +45,7 @@ const HEAD: usize = 2048;
         (status = 406, description = "The answer is application/dicom+json; that is not accepted."),
         (status = 408, description = "The body stopped coming."),
         (status = 409, description = "All were refused.", body = serde_json::Value, content_type = "application/dicom+json"),
-        (status = 413, description = "Larger than http.max_upload_bytes."),
+        (status = 413, description = "Larger than http.max_upload_bytes, or more parts than http.max_archive_entries."),
         (status = 415, description = "Neither multipart/related of application/dicom nor application/dicom."),
         (status = 422, description = "No instance in it."),
         (status = 507, description = "The disk is nearly full."),
@@ -79,7 +79,7 @@ pub(super) async fn store_instances(
         (status = 406, description = "The answer is application/dicom+json; that is not accepted."),
         (status = 408, description = "The body stopped coming."),
         (status = 409, description = "All were refused.", body = serde_json::Value, content_type = "application/dicom+json"),
-        (status = 413, description = "Larger than http.max_upload_bytes."),
+        (status = 413, description = "Larger than http.max_upload_bytes, or more parts than http.max_archive_entries."),
         (status = 415, description = "Neither multipart/related of application/dicom nor application/dicom."),
         (status = 422, description = "No instance in it."),
         (status = 507, description = "The disk is nearly full."),
@@ -97,6 +97,7 @@ pub(super) async fn store_instances_of_study(
 /// What is stored of one request.
 struct Storing {
     session: Session,
+    budget: Budget,
     /// What each instance calls itself, by its place in the request.
     identities: Vec<Identity>,
 }
@@ -114,7 +115,7 @@ async fn store(
     let media_type = MediaType::of_request(headers).unwrap_or_else(MediaType::unknown);
     let (mut incoming, _permit) = admit(context, headers, body)?;
     let session = Session::new(context.intake.clone(), study);
-    let mut storing = Storing { session, identities: Vec::new() };
+    let mut storing = Storing { session, budget: Budget::new(&context.config.http), identities: Vec::new() };
     match media_type.essence() {
         "multipart/related"
             if media_type.parameter("type").is_none_or(|it| it.eq_ignore_ascii_case(DICOM)) =>
@@ -197,6 +198,7 @@ impl Storing {
     }
 
     async fn begin(&mut self, head: &[u8]) -> Result<Arriving> {
+        self.budget.entry()?;
         self.identities.push(Identity::of(head));
         self.session.begin(String::new()).await
     }

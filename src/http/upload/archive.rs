@@ -7,6 +7,7 @@ use std::io::{self, Read, Seek};
 use bytes::Bytes;
 use tokio::sync::mpsc::Sender;
 
+use super::budget::Budget;
 use super::sniff::{HEAD, Kind, kind, looks_like_dicom};
 use crate::error::{Error, Result};
 use crate::http::identity::Identity;
@@ -19,15 +20,6 @@ const CHUNK: usize = 256 * 1024;
 
 /// Names longer than this are cut where they are told.
 const MAX_NAME: usize = 255;
-
-/// What an archive may hold.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Limits {
-    /// `http.max_unpacked_bytes`.
-    pub(super) unpacked_bytes: u64,
-    /// `http.max_archive_entries`.
-    pub(super) entries: u64,
-}
 
 /// Why a file of an archive was passed over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
@@ -58,28 +50,30 @@ pub(super) enum Step {
     Skipped(String, SkipReason),
 }
 
-/// Walks the archive and sends what it finds until it ends or nobody listens any more.
+/// Walks the archive and sends what it finds until it ends or nobody listens any more. Gives what
+/// is left of the upload's budget.
 ///
 /// # Errors
 /// [`Error::MalformedUpload`], [`Error::ArchiveTooLarge`].
-pub(super) fn walk(mut file: File, limits: Limits, steps: Sender<Step>) -> Result<()> {
+pub(super) fn walk(mut file: File, budget: Budget, steps: Sender<Step>) -> Result<Budget> {
     let head = head_of(&mut file)?;
     file.rewind()?;
-    let mut walk = Walk { steps, limits, entries: 0, unpacked: 0 };
+    let mut walk = Walk { steps, budget };
     match kind(&head) {
-        Kind::Zip => zip::walk(file, &mut walk),
-        Kind::Tar => tar::walk(file, &mut walk),
+        Kind::Zip => zip::walk(file, &mut walk)?,
+        Kind::Tar => tar::walk(file, &mut walk)?,
         Kind::Gzip => {
             let mut unpacked = flate2::read::MultiGzDecoder::new(io::BufReader::new(file));
             let head = head_of(&mut unpacked).map_err(malformed)?;
             let inner = io::Cursor::new(head.clone()).chain(unpacked);
             match kind(&head) {
-                Kind::Tar => tar::walk(inner, &mut walk),
-                _ => walk.entry("", inner, Broken::Upload),
+                Kind::Tar => tar::walk(inner, &mut walk)?,
+                _ => walk.entry("", inner, Broken::Upload)?,
             }
         }
-        Kind::Instance => walk.entry("", file, Broken::Upload),
+        Kind::Instance => walk.entry("", file, Broken::Upload)?,
     }
+    Ok(walk.budget)
 }
 
 /// What an error while reading an entry spoils.
@@ -94,30 +88,10 @@ enum Broken {
 /// One walk through an archive.
 struct Walk {
     steps: Sender<Step>,
-    limits: Limits,
-    entries: u64,
-    unpacked: u64,
+    budget: Budget,
 }
 
 impl Walk {
-    /// Counts an entry.
-    fn count(&mut self) -> Result<()> {
-        self.entries += 1;
-        if self.entries > self.limits.entries {
-            return Err(too_many(self.limits));
-        }
-        Ok(())
-    }
-
-    /// Counts bytes that came out of the archive.
-    fn unpacked(&mut self, bytes: usize) -> Result<()> {
-        self.unpacked = self.unpacked.saturating_add(bytes as u64);
-        if self.unpacked > self.limits.unpacked_bytes {
-            return Err(too_much(self.limits));
-        }
-        Ok(())
-    }
-
     fn send(&self, step: Step) -> Result<()> {
         // The receiver is gone when the upload has failed already; that error is the one told.
         self.steps
@@ -135,7 +109,7 @@ impl Walk {
             Ok(head) => head,
             Err(cause) => return self.broken(name, cause, broken),
         };
-        self.unpacked(head.len())?;
+        self.budget.unpacked(head.len() as u64)?;
         if let Some(reason) = passed_over(&head) {
             return self.skip(name, reason);
         }
@@ -146,7 +120,7 @@ impl Walk {
             match content.by_ref().take(CHUNK as u64).read_to_end(&mut chunk) {
                 Ok(0) => return self.send(Step::End),
                 Ok(read) => {
-                    self.unpacked(read)?;
+                    self.budget.unpacked(read as u64)?;
                     self.send(Step::Data(chunk.into()))?;
                 }
                 Err(cause) => return self.broken(name, cause, broken),
@@ -190,12 +164,4 @@ fn told(name: &[u8]) -> String {
 
 fn malformed(cause: impl std::fmt::Display) -> Error {
     Error::MalformedUpload(cause.to_string())
-}
-
-fn too_many(limits: Limits) -> Error {
-    Error::ArchiveTooLarge(format!("it has more than {} entries (http.max_archive_entries)", limits.entries))
-}
-
-fn too_much(limits: Limits) -> Error {
-    Error::ArchiveTooLarge(format!("more than {} bytes (http.max_unpacked_bytes)", limits.unpacked_bytes))
 }

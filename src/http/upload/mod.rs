@@ -3,6 +3,7 @@
 
 mod answer;
 mod archive;
+mod budget;
 mod receive;
 mod session;
 mod sniff;
@@ -27,6 +28,7 @@ use answer::Tally;
 pub use answer::{Refusal, Skipped};
 pub(super) use answer::{UploadAnswer, UploadedSeries};
 pub use archive::SkipReason;
+pub(super) use budget::Budget;
 use receive::Received;
 pub(super) use session::{Arriving, Outcome, Session};
 
@@ -153,7 +155,7 @@ pub(super) fn admit(
 
 /// Ends the upload: completes its series, and tells what is there now.
 async fn finish(context: &Context, received: Received, expect: Option<u64>) -> Result<Response> {
-    let Received { session, skipped } = received;
+    let Received { session, skipped, .. } = received;
     let (id, outcomes) = session.finish().await?;
     if let Some(expect) = expect {
         for series in series_of(&outcomes) {

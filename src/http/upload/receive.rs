@@ -7,7 +7,8 @@ use tokio::io::AsyncWriteExt;
 use tokio::sync::mpsc;
 
 use super::answer::Skipped;
-use super::archive::{Limits, Step, passed_over, walk};
+use super::archive::{Step, passed_over, walk};
+use super::budget::Budget;
 use super::session::{Arriving, Session};
 use super::sniff::{HEAD, Kind, kind};
 use crate::error::{Error, Result};
@@ -22,6 +23,7 @@ const STEPS: usize = 4;
 pub(super) struct Received {
     pub(super) session: Session,
     pub(super) skipped: Vec<Skipped>,
+    budget: Budget,
 }
 
 /// Where the bytes of one file come from.
@@ -41,7 +43,11 @@ impl Source<'_> {
 
 impl Received {
     fn new(context: &Context) -> Self {
-        Self { session: Session::new(context.intake.clone(), None), skipped: Vec::new() }
+        Self {
+            session: Session::new(context.intake.clone(), None),
+            skipped: Vec::new(),
+            budget: Budget::new(&context.config.http),
+        }
     }
 }
 
@@ -68,16 +74,9 @@ pub(super) async fn form(context: &Context, mut multipart: Multipart) -> Result<
 }
 
 async fn parts(context: &Context, received: &mut Received, multipart: &mut Multipart) -> Result<()> {
-    let mut files = 0;
     while let Some(headers) = multipart.next_part().await? {
         let Some(name) = headers.file_name.filter(|name| !name.is_empty()) else { continue };
-        files += 1;
-        if files > context.config.http.max_archive_entries {
-            let limit = context.config.http.max_archive_entries;
-            return Err(Error::ArchiveTooLarge(format!(
-                "more than {limit} files (http.max_archive_entries)"
-            )));
-        }
+        received.budget.entry()?;
         file(context, received, name, Source::Part(multipart)).await?;
     }
     Ok(())
@@ -127,15 +126,13 @@ async fn file(
     spooled.flush().await?;
     let mut spooled = spooled.into_std().await;
     std::io::Seek::rewind(&mut spooled)?;
-    unpack(context, received, spooled).await
+    unpack(received, spooled).await
 }
 
-async fn unpack(context: &Context, received: &mut Received, file: File) -> Result<()> {
-    let settings = &context.config.http;
-    let limits =
-        Limits { unpacked_bytes: settings.max_unpacked_bytes, entries: settings.max_archive_entries };
+async fn unpack(received: &mut Received, file: File) -> Result<()> {
+    let budget = received.budget;
     let (sender, mut steps) = mpsc::channel(STEPS);
-    let walker = tokio::task::spawn_blocking(move || walk(file, limits, sender));
+    let walker = tokio::task::spawn_blocking(move || walk(file, budget, sender));
     let mut arriving = None;
     let stored = loop {
         match steps.recv().await {
@@ -149,7 +146,9 @@ async fn unpack(context: &Context, received: &mut Received, file: File) -> Resul
     };
     drop(steps);
     let walked = walker.await.map_err(Error::internal)?;
-    stored.and(walked)
+    stored?;
+    received.budget = walked?;
+    Ok(())
 }
 
 async fn take(received: &mut Received, arriving: &mut Option<Arriving>, step: Step) -> Result<()> {

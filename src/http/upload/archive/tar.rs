@@ -6,18 +6,21 @@ use std::rc::Rc;
 
 use tar::{Archive, EntryType};
 
-use super::{Broken, Walk, malformed, told, too_much};
+use super::{Broken, Walk, malformed, told};
 use crate::error::Result;
+use crate::http::upload::budget::Budget;
 
 /// Of a long name in an entry of its own (GNU `L`), so much is read.
 const LONG_NAME: u64 = 4096;
 
 pub(super) fn walk(content: impl Read, walk: &mut Walk) -> Result<()> {
-    let limits = walk.limits;
-    let exceeded = Rc::new(Cell::new(false));
-    let metered = Metered { content, left: limits.unpacked_bytes, exceeded: Rc::clone(&exceeded) };
-    let walked = entries(metered, walk);
-    if exceeded.get() { Err(too_much(limits)) } else { walked }
+    let whole = walk.budget;
+    let passed = Rc::new(Cell::new(0));
+    let walked = entries(Metered { content, budget: whole, passed: Rc::clone(&passed) }, walk);
+    whole.check_unpacked(passed.get())?;
+    walked?;
+    // Headers and what was passed over have been unpacked too.
+    walk.budget.unpacked_since(&whole, passed.get())
 }
 
 fn entries(content: impl Read, walk: &mut Walk) -> Result<()> {
@@ -26,7 +29,7 @@ fn entries(content: impl Read, walk: &mut Walk) -> Result<()> {
     // Raw: the library would read a name of any claimed length into memory.
     for entry in archive.entries().map_err(malformed)?.raw(true) {
         let mut entry = entry.map_err(malformed)?;
-        walk.count()?;
+        walk.budget.entry()?;
         match entry.header().entry_type() {
             EntryType::GNULongName => {
                 let mut name = Vec::new();
@@ -65,18 +68,15 @@ impl<R: Read> Read for Whole<R> {
 /// Ends a stream that unpacks to more than it may, what is passed over included.
 struct Metered<R> {
     content: R,
-    left: u64,
-    exceeded: Rc<Cell<bool>>,
+    budget: Budget,
+    passed: Rc<Cell<u64>>,
 }
 
 impl<R: Read> Read for Metered<R> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let read = self.content.read(buffer)?;
-        if read as u64 > self.left {
-            self.exceeded.set(true);
-            return Err(std::io::Error::other("unpacks to too much"));
-        }
-        self.left -= read as u64;
+        self.passed.set(self.passed.get() + read as u64);
+        self.budget.check_unpacked(self.passed.get()).map_err(std::io::Error::other)?;
         Ok(read)
     }
 }

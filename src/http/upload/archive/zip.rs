@@ -7,26 +7,22 @@ use zip::read::Config;
 use zip::result::ZipError;
 use zip::unstable::read::ZipIterable;
 
-use super::{Broken, SkipReason, Walk, malformed, told, too_many, too_much};
+use super::{Broken, SkipReason, Walk, malformed, told};
 use crate::error::Result;
 
 pub(super) fn walk(file: File, walk: &mut Walk) -> Result<()> {
     let mut contents = file.try_clone()?;
     let mut archive = ZipIterable::try_new(file, Config::default()).map_err(malformed)?;
-    if archive.len() as u64 > walk.limits.entries {
-        return Err(too_many(walk.limits));
-    }
+    walk.budget.check_entries(archive.len() as u64)?;
     let mut claimed = 0_u64;
     for entry in archive.files().map_err(malformed)? {
         claimed = claimed.saturating_add(entry.map_err(malformed)?.size());
     }
     // An honest archive that is too large is refused before anything of it is stored.
-    if claimed > walk.limits.unpacked_bytes {
-        return Err(too_much(walk.limits));
-    }
+    walk.budget.check_unpacked(claimed)?;
     for entry in archive.files().map_err(malformed)? {
         let entry = entry.map_err(malformed)?;
-        walk.count()?;
+        walk.budget.entry()?;
         if entry.is_dir() {
             continue;
         }
