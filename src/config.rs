@@ -16,6 +16,9 @@ pub const DEFAULTS: &str = include_str!("../config/triplanar.toml");
 /// Prefix of settings in the environment.
 const PREFIX: &str = "TRIPLANAR_";
 
+/// The longest time that a setting can say: ten years.
+const MAX_SECONDS: f64 = 315_360_000.0;
+
 /// Names with our prefix that are flags or belong to the tests, not settings.
 const NOT_SETTINGS: [&str; 3] = ["TRIPLANAR_CONFIG", "TRIPLANAR_TEST_DATA", "TRIPLANAR_REQUIRE_TEST_DATA"];
 
@@ -263,6 +266,7 @@ impl Config {
         for (setting, value) in [
             ("http.max_connections", self.http.max_connections),
             ("http.max_uploads", self.http.max_uploads),
+            ("http.max_page", self.http.max_page as usize),
             ("dimse.max_associations", self.dimse.max_associations),
             ("dimse.max_associations_per_peer", self.dimse.max_associations_per_peer),
             ("jobs.workers", self.jobs.workers),
@@ -342,6 +346,13 @@ fn setting_path(name: &str) -> Option<Vec<String>> {
         return None;
     }
     let path = name.strip_prefix(PREFIX)?;
+    // What Kubernetes sets for a Service of our name: TRIPLANAR_PORT…, TRIPLANAR_SERVICE_….
+    let of_a_service = ["PORT", "SERVICE"]
+        .iter()
+        .any(|word| path.strip_prefix(word).is_some_and(|rest| rest.is_empty() || rest.starts_with('_')));
+    if of_a_service && !path.contains("__") {
+        return None;
+    }
     Some(path.split("__").map(str::to_lowercase).collect())
 }
 
@@ -370,6 +381,10 @@ fn value_of(text: &str) -> toml::Value {
 
 fn seconds<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
     let value = f64::deserialize(deserializer)?;
+    if !(0.001..=MAX_SECONDS).contains(&value) {
+        let detail = format!("a time must be within 0.001 and {MAX_SECONDS} seconds, not {value}");
+        return Err(serde::de::Error::custom(detail));
+    }
     Duration::try_from_secs_f64(value).map_err(serde::de::Error::custom)
 }
 
@@ -396,6 +411,20 @@ mod tests {
         let config = Config::load(Some(&file), env("TRIPLANAR_DIMSE__AE_TITLE", "ENV")).unwrap();
         assert_eq!(config.http.listen, "127.0.0.1:1".parse().unwrap());
         assert_eq!(config.dimse.ae_title, "ENV");
+    }
+
+    #[test]
+    fn what_kubernetes_sets_for_a_service_of_our_name_is_no_setting() {
+        for name in ["TRIPLANAR_PORT", "TRIPLANAR_PORT_8080_TCP_ADDR", "TRIPLANAR_SERVICE_HOST"] {
+            assert_eq!(Config::load(None, env(name, "tcp://10.0.0.1:8080")).unwrap(), Config::defaults());
+        }
+    }
+
+    #[test]
+    fn a_time_that_no_clock_can_hold_is_refused() {
+        for value in ["1e19", "0", "-1", "nan"] {
+            Config::load(None, env("TRIPLANAR_JOBS__TIMEOUT", value)).unwrap_err();
+        }
     }
 
     #[test]

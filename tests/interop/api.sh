@@ -23,7 +23,7 @@ export TRIPLANAR_HTTP__TOKENS="[{ name = \"interop\", role = \"operate\", sha256
 service=$!
 "$triplanar" phantom "$dir/series" >/dev/null 2>&1 && (cd "$dir/series" && python3 -m zipfile -c ../series.zip ./*)
 for _ in $(seq 100); do curl -fs "$url/readyz" >/dev/null && break; sleep 0.1; done
-curl -fs -H "Authorization: Bearer $TOKEN" -F "file=@$dir/series.zip" "$url/v1/series" >/dev/null || { echo "FAILED: the upload was refused"; tail -5 "$dir/log"; }
+curl -fs -H "Authorization: Bearer $TOKEN" -F "file=@$dir/series.zip" "$url/v1/series" >/dev/null || { tail -5 "$dir/log"; echo "FAILED: the upload was refused"; echo "0 passed, 1 failed"; exit 1; }
 
 cd "$dir" || exit 2
 if PATH=$dir/venv/bin:$PATH "$here/schemathesis.sh" "$url" >schemathesis.log 2>&1; then

@@ -51,7 +51,8 @@ pub(super) fn collect<I: Input>(walker: &mut Walker<'_, I>) -> Result<Found, Sca
                 found.has_pixel_data = value.length > 0;
             }
             Event::Fragments(tag) if tag == tags::PIXEL_DATA => found.has_pixel_data = true,
-            Event::Element { tag, layout, .. } if WANTED.contains(&tag) => {
+            // Of an element that stands twice the first counts, and the others cost no memory.
+            Event::Element { tag, layout, .. } if WANTED.contains(&tag) && found.value(tag).is_none() => {
                 let value = walker.value(tag, MAX_VALUE)?;
                 found.values.push((tag, value, layout));
             }

@@ -12,7 +12,9 @@ use super::Blobs;
 /// Files are collected here before they are renamed to their key, on the same file system.
 const INCOMING: &str = "incoming";
 /// The folders that hold blobs.
-const FOLDERS: [&str; 2] = ["instances", "results"];
+const FOLDERS: [&str; 2] = [INSTANCES, "results"];
+/// The folder of the instances, with one folder in it for each value of the first two hex digits.
+const INSTANCES: &str = "instances";
 
 /// Blobs as files.
 #[derive(Debug)]
@@ -28,6 +30,7 @@ impl Files {
         for folder in FOLDERS {
             files.make_folder(&root.join(folder))?;
         }
+        files.make_shards(&root.join(INSTANCES))?;
         let incoming = files.incoming();
         if incoming.exists() {
             fs::remove_dir_all(&incoming)?;
@@ -41,18 +44,25 @@ impl Files {
         self.root.join(INCOMING)
     }
 
-    /// Makes a folder durably, and those above it up to the root.
+    /// Makes all folders that instances go to, durably, before the first one comes: two that
+    /// arrive at a time can't rely on a folder that the other has made and not yet synced.
+    fn make_shards(&self, instances: &Path) -> io::Result<()> {
+        for shard in 0..=u8::MAX {
+            create_folder(&instances.join(format!("{shard:02x}")))?;
+        }
+        sync_folder(instances)
+    }
+
+    /// Makes a folder durably, and those above it up to the root. One that is there already is
+    /// synced all the same: who made it may not have come to that.
     fn make_folder(&self, folder: &Path) -> io::Result<()> {
-        if folder.is_dir() {
+        if folder == self.root {
             return Ok(());
         }
         if let Some(parent) = folder.parent().filter(|parent| parent.starts_with(&self.root)) {
             self.make_folder(parent)?;
         }
-        match fs::create_dir(folder) {
-            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => return Err(error),
-            _ => {}
-        }
+        create_folder(folder)?;
         folder.parent().map_or(Ok(()), sync_folder)
     }
 }
@@ -65,7 +75,9 @@ impl Blobs for Files {
     fn adopt(&self, file: NamedTempFile, key: &str) -> io::Result<()> {
         let path = self.root.join(key);
         let folder = path.parent().unwrap_or(&self.root);
-        self.make_folder(folder)?;
+        if !folder.starts_with(self.root.join(INSTANCES)) {
+            self.make_folder(folder)?;
+        }
         file.as_file().sync_all()?;
         file.persist(&path).map_err(|error| error.error)?;
         sync_folder(folder)
@@ -106,6 +118,14 @@ impl Blobs for Files {
         }
         keys.sort_unstable();
         Ok(keys)
+    }
+}
+
+/// Makes a folder if it is not there.
+fn create_folder(folder: &Path) -> io::Result<()> {
+    match fs::create_dir(folder) {
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => Err(error),
+        _ => Ok(()),
     }
 }
 
