@@ -284,7 +284,7 @@ impl Config {
         ReadLimits {
             max_voxels: self.jobs.max_voxels,
             scan: Limits { max_inflated_bytes: self.intake.max_inflated_bytes, ..Limits::default() },
-            ..ReadLimits::default()
+            min_slices: self.intake.min_slices,
         }
     }
 

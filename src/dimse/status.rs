@@ -52,11 +52,16 @@ impl From<&Error> for Refusal {
     }
 }
 
-/// As LO allows it: 64 characters, no backslash, no control characters, here ASCII alone.
+/// As LO allows it: 64 characters, no backslash, no control characters, here ASCII alone. What is
+/// too long ends after a whole word: half a UID is another UID.
 fn long_string(text: &str) -> String {
     let allowed = |c: char| if (c.is_ascii_graphic() && c != '\\') || c == ' ' { c } else { '?' };
-    let cut: String = text.chars().map(allowed).take(MAX_COMMENT).collect();
-    cut.trim_end().to_owned()
+    let mut line: String = text.chars().map(allowed).collect();
+    if line.len() > MAX_COMMENT {
+        let whole_words = line[..=MAX_COMMENT].rfind(' ').unwrap_or(MAX_COMMENT);
+        line.truncate(whole_words);
+    }
+    line.trim_end().to_owned()
 }
 
 #[cfg(test)]
@@ -72,5 +77,8 @@ mod tests {
         let refusal = Refusal::from(&Error::MalformedDataSet("40 sequences inside one another".to_owned()));
         assert_eq!(refusal.comment, "malformed-data-set: 40 sequences inside one another");
         assert_eq!(long_string("a\\b\nµ"), "a?b??");
+        let uid = "1.2.826.0.1.3680043.10.9999.5.3.11";
+        let comment = Refusal::from(&Error::ConflictingInstance(uid.parse().unwrap())).comment;
+        assert!(!comment.contains("1.2.826") || comment.contains(uid), "half a UID: {comment}");
     }
 }

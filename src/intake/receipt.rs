@@ -5,9 +5,9 @@ use std::io::{Seek as _, SeekFrom};
 use super::examination::{accept_class, examine};
 use super::spool::Reader;
 use super::{Announced, Intake, Receipt, Spool};
-use crate::dicom::header::InstanceHeader;
 use crate::dicom::part10;
-use crate::dicom::scan::Scan;
+use crate::dicom::scan::{self, Scan};
+use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid};
 use crate::error::{Error, Result};
 use crate::store::{Added, Staged, blocking};
 
@@ -16,15 +16,27 @@ impl Intake {
     pub(super) async fn receive(&self, spool: Spool, announced: Announced) -> Result<Receipt> {
         let mut reader = spool.finish().await?;
         let limits = self.shared.scan_limits;
-        let (scan, reader, announced) = blocking(move || {
-            let scan = examine(&mut *reader, &announced, &limits)?;
-            Ok((scan, reader, announced))
+        let (examined, reader, announced) = blocking(move || {
+            let examined = examine(&mut *reader, &announced, &limits).map_err(|error| {
+                let identity = scan::identify(&mut *reader, &announced.encoding, &limits);
+                (error, identity)
+            });
+            Ok((examined, reader, announced))
         })
         .await?;
+        let scan = match examined {
+            Ok(scan) => scan,
+            Err((error, identity)) => {
+                if let Some((series, instance)) = identity {
+                    self.record_refusal(&series, &instance, &error).await;
+                }
+                return Err(error);
+            }
+        };
         let header = scan.header.clone();
         let kept = self.keep(scan, reader, &announced).await;
         if let Err(error) = &kept {
-            self.record_refusal(&header, error).await;
+            self.record_refusal(&header.series_instance_uid, &header.sop_instance_uid, error).await;
         }
         kept
     }
@@ -81,14 +93,13 @@ impl Intake {
         .await
     }
 
-    /// A refusal of an instance whose header could be read stands in its series' reports. Passing
-    /// faults of ours don't: the sender will try again.
-    async fn record_refusal(&self, header: &InstanceHeader, error: &Error) {
+    /// A refusal of an instance that could be told stands in its series' reports. Passing faults
+    /// of ours don't: the sender will try again.
+    async fn record_refusal(&self, series: &SeriesInstanceUid, instance: &SopInstanceUid, error: &Error) {
         if matches!(error, Error::Internal(_) | Error::OutOfStorage | Error::Busy(_) | Error::ShuttingDown) {
             return;
         }
-        let (series, instance, code) =
-            (&header.series_instance_uid, &header.sop_instance_uid, error.mapping().code);
+        let code = error.mapping().code;
         if let Err(error) = self.shared.store.catalog().add_refused(series, instance, code).await {
             tracing::error!(%series, %instance, code, cause = ?error, "a refusal can't be recorded");
         }

@@ -9,7 +9,7 @@ use super::values::{text, texts};
 use super::walk::{Event, Walker};
 use super::{Layout, ScanError};
 use crate::dicom::header::InstanceHeader;
-use crate::dicom::uid::TransferSyntaxUid;
+use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid, TransferSyntaxUid};
 
 /// The most bytes that an attribute of the header may have. The longest by the standard are
 /// Image Type and Specific Character Set, with some values of 16 characters each.
@@ -39,9 +39,8 @@ const WANTED: [Tag; 14] = [
     tags::COLUMNS,
 ];
 
-/// Walks to the end of the data set.
-pub(super) fn collect<I: Input>(walker: &mut Walker<'_, I>) -> Result<Found, ScanError> {
-    let mut found = Found::default();
+/// Walks to the end of the data set. What was found stays in `found` if the walk fails.
+pub(super) fn collect<I: Input>(walker: &mut Walker<'_, I>, found: &mut Found) -> Result<(), ScanError> {
     while let Some(event) = walker.next()? {
         if !walker.at_top() {
             continue;
@@ -59,10 +58,15 @@ pub(super) fn collect<I: Input>(walker: &mut Walker<'_, I>) -> Result<Found, Sca
             _ => {}
         }
     }
-    Ok(found)
+    Ok(())
 }
 
 impl Found {
+    /// The series and the instance, if both were found.
+    pub(super) fn identity(&self) -> Option<(SeriesInstanceUid, SopInstanceUid)> {
+        Some((self.uid(tags::SERIES_INSTANCE_UID)?, self.uid(tags::SOP_INSTANCE_UID)?))
+    }
+
     fn value(&self, tag: Tag) -> Option<&[u8]> {
         self.values.iter().find(|(t, ..)| *t == tag).map(|(_, value, _)| value.as_slice())
     }

@@ -18,9 +18,10 @@ mod walk;
 
 use std::io::{Read, Seek, SeekFrom};
 
+use self::header::Found;
 use super::header::InstanceHeader;
 use super::transfer_syntax::{self, TransferSyntax};
-use super::uid::{SopClassUid, TransferSyntaxUid};
+use super::uid::{SeriesInstanceUid, SopClassUid, SopInstanceUid, TransferSyntaxUid};
 
 pub(crate) use element::Layout;
 pub(crate) use input::Seekable;
@@ -117,15 +118,41 @@ impl From<ScanError> for crate::error::Error {
 /// See [`ScanError`]; the bytes were not understood, or can't be decoded here.
 pub fn scan<R: Read + Seek>(mut reader: R, encoding: &Encoding, limits: &Limits) -> Result<Scan, ScanError> {
     let (data_set_offset, syntax) = begin(&mut reader, encoding)?;
-    let found = if syntax.deflated() {
+    let mut found = Found::default();
+    walk_to_end(reader, data_set_offset, syntax, limits, &mut found)?;
+    Ok(Scan { header: found.finish(syntax.uid())?, data_set_offset })
+}
+
+/// The series and the instance that refused bytes belong to, as far as they say so before the
+/// place at which [`scan`] gave up.
+pub fn identify<R: Read + Seek>(
+    mut reader: R,
+    encoding: &Encoding,
+    limits: &Limits,
+) -> Option<(SeriesInstanceUid, SopInstanceUid)> {
+    reader.seek(SeekFrom::Start(0)).ok()?;
+    let (data_set_offset, syntax) = begin(&mut reader, encoding).ok()?;
+    let mut found = Found::default();
+    // Whatever ends the walk: what was found before it counts.
+    let _ = walk_to_end(reader, data_set_offset, syntax, limits, &mut found);
+    found.identity()
+}
+
+fn walk_to_end<R: Read + Seek>(
+    mut reader: R,
+    data_set_offset: u64,
+    syntax: &TransferSyntax,
+    limits: &Limits,
+    found: &mut Found,
+) -> Result<(), ScanError> {
+    if syntax.deflated() {
         reader.seek(SeekFrom::Start(data_set_offset))?;
         let mut input = input::Inflating::new(reader, limits.max_inflated_bytes);
-        header::collect(&mut Walker::new(&mut input, syntax.layout(), limits))?
+        header::collect(&mut Walker::new(&mut input, syntax.layout(), limits), found)
     } else {
         let mut input = Seekable::new(reader, data_set_offset)?;
-        header::collect(&mut Walker::new(&mut input, syntax.layout(), limits))?
-    };
-    Ok(Scan { header: found.finish(syntax.uid())?, data_set_offset })
+        header::collect(&mut Walker::new(&mut input, syntax.layout(), limits), found)
+    }
 }
 
 /// Where the data set begins, and in which of our transfer syntaxes it is.

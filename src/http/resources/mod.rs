@@ -13,7 +13,7 @@ pub(super) mod slices;
 use super::Context;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
-use crate::store::{ReconstructionId, ReconstructionRecord, SeriesRecord};
+use crate::store::{ReconstructionFilter, ReconstructionId, ReconstructionRecord, SeriesRecord};
 
 /// A cursor, as long as any of ours can be.
 const MAX_CURSOR: usize = 200;
@@ -34,6 +34,15 @@ async fn latest_succeeded(context: &Context, uid: &SeriesInstanceUid) -> Result<
         return Ok(record);
     }
     let series = series_record(context, uid).await?;
+    let filter = ReconstructionFilter { series_instance_uid: Some(uid.clone()), state: None };
+    let latest = context.store.list_reconstructions(&filter, None, 1).await?.rows.pop();
+    if let Some(ended) = latest.filter(|record| record.state.is_final()) {
+        let code = ended.error_code.as_deref().unwrap_or("no error");
+        return Err(Error::ReconstructionState {
+            state: ended.state.name(),
+            detail: format!("it gave no cloud ({code}); /v1/reconstructions/{} tells more", ended.id),
+        });
+    }
     Err(match series.unfit_reason {
         Some(reason) => {
             Error::NotReconstructable { uid: series.series_instance_uid, reason: reason.name().to_owned() }
