@@ -102,6 +102,21 @@ async fn other_pixels_under_a_stored_uid_are_refused_and_told_of() {
 }
 
 #[tokio::test]
+async fn an_instance_that_breaks_off_is_told_of_in_its_series() {
+    let dir = tempdir().unwrap();
+    let entrance = Entrance::open(settings(dir.path())).await;
+    let upload = Uuid::now_v7();
+    entrance.upload(upload, &Slice::of(1, 0).part10()).await.unwrap();
+    let broken = Slice::of(1, 1).part10();
+    let error = entrance.upload(upload, &broken[..broken.len() - 10]).await.unwrap_err();
+    assert_eq!(error.mapping().code, "malformed-data-set");
+    let refused = entrance.store.refused(&Slice::of(1, 1).series_uid()).await.unwrap();
+    let told: Vec<_> = refused.iter().map(|it| (it.sop_instance_uid.clone(), it.code.as_str())).collect();
+    assert_eq!(told, [(Slice::of(1, 1).sop_uid(), "malformed-data-set")]);
+    assert_eq!(entrance.series(1).await.refused_instances, 1);
+}
+
+#[tokio::test]
 async fn the_same_pixels_in_another_transfer_syntax_are_a_duplicate() {
     let dir = tempdir().unwrap();
     let entrance = Entrance::open(settings(dir.path())).await;
