@@ -1,0 +1,277 @@
+//! Every crossing of the skin with a grid line, in its true place.
+
+use rayon::prelude::*;
+
+use super::edge::{self, Profile};
+use super::levels::Levels;
+use super::outside::{Outside, Side};
+use super::patient::{Cell, Patient};
+use super::regions::Regions;
+use super::space::Space;
+use super::width::Width;
+use crate::geometry::{Axis, Plane, PlaneSet, Vec3, add, cross, dot, norm, normalised, scale};
+
+/// A pair of neighbouring voxels with the skin between them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Candidate {
+    /// The voxel in the patient, `[z, y, x]`.
+    pub(super) inner: [u16; 3],
+    /// The axis of the line.
+    pub(super) axis: u8,
+    /// Whether the air lies toward the larger index.
+    pub(super) ascending: bool,
+    /// Rough place, LPS mm.
+    pub(super) place: Vec3,
+    /// Outward unit normal.
+    pub(super) normal: Vec3,
+    /// Level of the tissue just inside, HU.
+    pub(super) tissue: f32,
+    /// Level of the air just outside, HU.
+    pub(super) air: f32,
+}
+
+/// A measured point of the skin.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Crossing {
+    /// LPS mm.
+    pub(super) place: Vec3,
+    /// Outward unit normal.
+    pub(super) normal: Vec3,
+    /// The planes that it lies in and that cut the skin steeply there.
+    pub(super) planes: PlaneSet,
+    /// The axis of its line.
+    pub(super) axis: u8,
+    /// Expected error along the normal, mm, from the edge alone.
+    pub(super) error: f64,
+}
+
+/// Finds the candidates.
+pub(super) fn candidates(space: &Space, levels: &Levels, patient: &Patient, outside: &Outside) -> Vec<Candidate> {
+    let [nz, ny, nx] = space.shape;
+    #[expect(clippy::cast_possible_truncation)]
+    let middle = levels.middle().ceil() as i16;
+    let search = Search { space, levels, patient, outside };
+    (0..nz)
+        .into_par_iter()
+        .flat_map_iter(|z| {
+            let mut found = Vec::new();
+            for y in 0..ny {
+                let row = &space.hu[space.offset([z, y, 0])..][..nx];
+                for (x, pair) in row.windows(2).enumerate() {
+                    if (pair[0] >= middle) != (pair[1] >= middle) {
+                        found.extend(search.judge([z, y, x], 2, pair[0] >= middle));
+                    }
+                }
+                for (axis, next) in [(1, [z, y + 1, 0]), (0, [z + 1, y, 0])] {
+                    if next[1] >= ny || next[0] >= nz {
+                        continue;
+                    }
+                    let other = &space.hu[space.offset(next)..][..nx];
+                    for (x, (&a, &b)) in row.iter().zip(other).enumerate() {
+                        if (a >= middle) != (b >= middle) {
+                            found.extend(search.judge([z, y, x], axis, a >= middle));
+                        }
+                    }
+                }
+            }
+            found
+        })
+        .collect()
+}
+
+struct Search<'a> {
+    space: &'a Space<'a>,
+    levels: &'a Levels,
+    patient: &'a Patient,
+    outside: &'a Outside,
+}
+
+impl Search<'_> {
+    /// The candidate between the voxel at `lower` and the next one along `axis`.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss)]
+    fn judge(&self, lower: [usize; 3], axis: usize, ascending: bool) -> Option<Candidate> {
+        let mut upper = lower;
+        upper[axis] += 1;
+        let (inner, outer) = if ascending { (lower, upper) } else { (upper, lower) };
+        if self.space.voxel(outer) < self.levels.padding() {
+            return None;
+        }
+        if self.owner(inner, axis, ascending) == Some(false) {
+            return None;
+        }
+        let (a, b) = (self.space.voxel(inner), self.space.voxel(outer));
+        let t = f64::from((a - self.levels.middle()) / (a - b));
+        let mut index = inner.map(|i| i as f64);
+        index[axis] += if ascending { t } else { -t };
+        let place = self.space.lps(index);
+        let normal = self.normal(place)?;
+        let along = self.space.mean_step(axis);
+        let cosine = dot(normal, along) / norm(along) * if ascending { 1.0 } else { -1.0 };
+        if cosine < LEAST_COSINE {
+            return None;
+        }
+        if !self.is_patient(place, normal) {
+            return None;
+        }
+        if self.outside.beyond(place, normal) != Side::Outside {
+            return None;
+        }
+        let (tissue, air) = self.around(place, normal);
+        let inner = inner.map(|i| i as u16);
+        Some(Candidate { inner, axis: axis as u8, ascending, place, normal, tissue, air })
+    }
+
+    /// Whether the first clear tissue inward is the patient's.
+    fn owner(&self, inner: [usize; 3], axis: usize, ascending: bool) -> Option<bool> {
+        let mut at = inner;
+        for _ in 0..3 {
+            if let Some(own) = self.patient.owns(at) {
+                return Some(own);
+            }
+            at[axis] = if ascending { at[axis].checked_sub(1)? } else { at[axis] + 1 };
+            if at[axis] >= self.space.shape[axis] {
+                return None;
+            }
+        }
+        None
+    }
+
+    fn is_patient(&self, p: Vec3, n: Vec3) -> bool {
+        let cells = &self.patient.cells;
+        for step in [0.6, 1.1, 1.6, 2.1] {
+            if let Some(cell) = cells.at(add(p, scale(n, -step * cells.edge))) {
+                match self.patient.kinds[cells.offset(cell)] {
+                    Cell::Patient => return true,
+                    Cell::Attached | Cell::Other => return false,
+                    _ => {}
+                }
+            }
+        }
+        true
+    }
+
+    /// Outward unit normal from the gradient of HU over about a voxel and a half.
+    fn normal(&self, p: Vec3) -> Option<Vec3> {
+        gradient(self.space, p).and_then(|g| normalised(scale(g, -1.0)))
+    }
+
+    /// Level of the tissue inside and of the air outside.
+    fn around(&self, p: Vec3, n: Vec3) -> (f32, f32) {
+        let at = |d: f64| self.space.sample(add(p, scale(n, d)));
+        let tissue = [-1.0, -1.4, -1.8].iter().filter_map(|&d| at(d)).fold(f32::MIN, f32::max);
+        let air = [1.2, 1.8, 2.4].iter().filter_map(|&d| at(d)).fold(f32::MAX, f32::min);
+        (tissue, air)
+    }
+}
+
+/// A line that meets the skin flatter than this is left to the others.
+const LEAST_COSINE: f64 = 0.25;
+
+/// Gradient of HU at a place, per mm along x, y, z.
+fn gradient(space: &Space, p: Vec3) -> Option<Vec3> {
+    let mut g = [0.0; 3];
+    let reach = GRADIENT_MM;
+    for a in 0..3 {
+        let (mut low, mut high) = (p, p);
+        low[a] -= reach;
+        high[a] += reach;
+        let (low, high) = match (space.sample(low), space.sample(high)) {
+            (Some(l), Some(h)) => (f64::from(l) / 2.0, f64::from(h) / 2.0),
+            (Some(l), None) => (f64::from(l), f64::from(space.sample(p)?)),
+            (None, Some(h)) => (f64::from(space.sample(p)?), f64::from(h)),
+            (None, None) => return None,
+        };
+        g[a] = (high - low) / reach;
+    }
+    Some(g)
+}
+
+const GRADIENT_MM: f64 = 0.8;
+
+/// Measures each candidate.
+pub(super) fn measure(
+    space: &Space,
+    levels: &Levels,
+    width: &Width,
+    regions: &Regions,
+    candidates: &[Candidate],
+) -> Vec<Crossing> {
+    let steep = Steep::new(space);
+    candidates
+        .par_iter()
+        .enumerate()
+        .filter_map(|(i, c)| {
+            let (tissue, air) = regions.levels(i);
+            let contrast = f64::from(tissue - air);
+            let step = space.mean_step(usize::from(c.axis));
+            let across = dot(c.normal, step).abs();
+            let sigma = width.along(c.normal, space.slice_normal());
+            let profile = Profile {
+                shares: profile(space, c).map(|v| f64::from(v - air) / contrast),
+                slope: across / sigma,
+                noise: f64::from(levels.noise) / contrast,
+            };
+            let edge = edge::fit(&profile);
+            if !(-1.5..=2.5).contains(&edge.place) {
+                return None;
+            }
+            let mut index = c.inner.map(f64::from);
+            index[usize::from(c.axis)] += if c.ascending { edge.place } else { -edge.place };
+            Some(Crossing {
+                place: space.lps(index),
+                normal: c.normal,
+                planes: steep.planes(c.axis, c.normal),
+                axis: c.axis,
+                error: edge.deviation * across,
+            })
+        })
+        .collect()
+}
+
+/// Six voxels along the line, from the tissue to the air; the candidate's two in the middle.
+pub(super) fn profile(space: &Space, c: &Candidate) -> [f32; 6] {
+    let axis = usize::from(c.axis);
+    let index = c.inner.map(usize::from);
+    let last = space.shape[axis] - 1;
+    std::array::from_fn(|i| {
+        let mut at = index;
+        at[axis] = if c.ascending {
+            (index[axis] + i).saturating_sub(2).min(last)
+        } else {
+            (index[axis] + 2).saturating_sub(i).min(last)
+        };
+        space.voxel(at)
+    })
+}
+
+/// Which planes cut the skin steeply.
+struct Steep {
+    normals: [Vec3; 3],
+}
+
+/// Least sine of the angle between skin and plane.
+const LEAST_SINE: f64 = 0.5;
+
+impl Steep {
+    fn new(space: &Space) -> Self {
+        let [z, y, x] = [Axis::Z, Axis::Y, Axis::X].map(|a| space.mean_step(a as usize));
+        let unit = |a, b| normalised(cross(a, b)).unwrap_or([0.0, 0.0, 1.0]);
+        Self { normals: [unit(x, y), unit(y, z), unit(x, z)] }
+    }
+
+    fn planes(&self, axis: u8, n: Vec3) -> PlaneSet {
+        let both = match axis {
+            2 => [Plane::Axial, Plane::Coronal],
+            1 => [Plane::Axial, Plane::Sagittal],
+            _ => [Plane::Sagittal, Plane::Coronal],
+        };
+        let mut set = PlaneSet::EMPTY;
+        for plane in both {
+            let cosine = dot(self.normals[plane.index()], n);
+            if 1.0 - cosine * cosine >= LEAST_SINE * LEAST_SINE {
+                set = set.union(plane.into());
+            }
+        }
+        set
+    }
+}

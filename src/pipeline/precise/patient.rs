@@ -1,0 +1,181 @@
+//! Which tissue is the patient: told in 3D, by what hangs together and how thick it is.
+//!
+//! Opening with a ball leaves what is thick: the body. What the ball could not enter hangs on it
+//! in pieces: ears, nose and jaw are small; a holder, a couch, straps and tubes are long. Where a
+//! gap is seen between two bodies, however narrow, they are parted at the scan's full resolution.
+
+use super::distance::squared_distance;
+use super::levels::Levels;
+use super::pieces::Pieces;
+use super::space::Space;
+use super::survey::Cells;
+
+/// A body must be thicker than twice this to count as the patient's own, mm.
+const BALL_MM: f64 = 5.0;
+/// What lies so close to the opened body belongs to it without further question, mm.
+const SKIN_MM: f64 = 1.5;
+/// A thin piece longer than this (diagonal of its box) is no ear, nose or jaw, mm.
+const LONGEST_PART_MM: f64 = 95.0;
+
+/// What a survey cell holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(u8)]
+pub(super) enum Cell {
+    /// Outside the volume: nothing is known.
+    #[default]
+    Unseen,
+    /// Air, padding, or something too thin to be seen as tissue.
+    Air,
+    /// The patient.
+    Patient,
+    /// Tissue or plastic that is not the patient.
+    Other,
+    /// A thin long piece that hangs on the patient: holder, couch, strap, tube.
+    Attached,
+}
+
+/// The patient in the survey's cells and in the scan's voxels.
+#[derive(Debug)]
+pub(super) struct Patient {
+    /// The survey's cells.
+    pub(super) cells: Cells,
+    /// What each holds.
+    pub(super) kinds: Vec<Cell>,
+    pieces: Pieces,
+    own: Vec<bool>,
+}
+
+impl Patient {
+    /// Finds the patient; `None` if nothing in the scan is thick enough to be one.
+    pub(super) fn find(space: &Space, levels: &Levels) -> Option<Self> {
+        let [nz, ny, nx] = space.shape;
+        #[expect(clippy::cast_possible_truncation)]
+        let upper = levels.upper().ceil() as i16;
+        let pieces = Pieces::of([nx, ny, nz], |o| space.hu[o] >= upper);
+        let cells = Cells::over(space);
+        let middle = levels.middle();
+        let mut kinds = cells.map(|p| match space.sample(p) {
+            None => Cell::Unseen,
+            Some(v) if v >= middle => Cell::Patient,
+            Some(_) => Cell::Air,
+        });
+        let limit = cells.squared(BALL_MM);
+        let depth = squared_distance(cells.shape, limit, |i| kinds[i] != Cell::Patient);
+        let inner = Pieces::of(cells.shape, |i| depth[i] == u16::MAX);
+        drop(depth);
+        #[expect(clippy::cast_possible_truncation)]
+        let main = (0..inner.sizes().len()).max_by_key(|&i| inner.sizes()[i])? as u32;
+        let mut core = vec![false; cells.len()];
+        let mut own = vec![false; pieces.sizes().len()];
+        each_cell(&cells, |offset, [x, y, z]| {
+            if inner.at(z, y, x) == Some(main) {
+                core[offset] = true;
+                if let Some(piece) = piece_at(space, &pieces, &cells, [x, y, z]) {
+                    own[piece as usize] = true;
+                }
+            }
+        });
+        each_cell(&cells, |offset, cell| {
+            if kinds[offset] == Cell::Patient
+                && piece_at(space, &pieces, &cells, cell).is_some_and(|p| !own[p as usize])
+            {
+                kinds[offset] = Cell::Other;
+            }
+        });
+        let reach = cells.squared(BALL_MM + SKIN_MM);
+        let near = squared_distance(cells.shape, reach, |i| core[i]);
+        drop(core);
+        let mut patient = Self { cells, kinds, pieces, own };
+        patient.judge_parts(&near);
+        Some(patient)
+    }
+
+    /// Decides what the thin pieces on the body are.
+    fn judge_parts(&mut self, near: &[u16]) {
+        let kinds = &self.kinds;
+        let parts = Pieces::of(self.cells.shape, |i| kinds[i] == Cell::Patient && near[i] == u16::MAX);
+        let n = parts.sizes().len();
+        let (mut low, mut high) = (vec![[usize::MAX; 3]; n], vec![[0usize; 3]; n]);
+        let mut touches = vec![false; n];
+        let [nx, ny, nz] = self.cells.shape;
+        each_cell(&self.cells, |offset, cell| {
+            let [x, y, z] = cell;
+            if let Some(p) = parts.at(z, y, x) {
+                let p = p as usize;
+                for a in 0..3 {
+                    low[p][a] = low[p][a].min(cell[a]);
+                    high[p][a] = high[p][a].max(cell[a]);
+                }
+                let body = |o: usize| kinds[o] == Cell::Patient && near[o] != u16::MAX;
+                touches[p] |= (x > 0 && body(offset - 1))
+                    || (x + 1 < nx && body(offset + 1))
+                    || (y > 0 && body(offset - nx))
+                    || (y + 1 < ny && body(offset + nx))
+                    || (z > 0 && body(offset - nx * ny))
+                    || (z + 1 < nz && body(offset + nx * ny));
+            }
+        });
+        #[expect(clippy::cast_precision_loss)]
+        let diagonal = |p: usize| {
+            (0..3).map(|a| ((high[p][a] - low[p][a] + 1) as f64).powi(2)).sum::<f64>().sqrt() * self.cells.edge
+        };
+        let verdict: Vec<Cell> = (0..n)
+            .map(|p| {
+                if !touches[p] {
+                    Cell::Other
+                } else if diagonal(p) > LONGEST_PART_MM {
+                    Cell::Attached
+                } else {
+                    Cell::Patient
+                }
+            })
+            .collect();
+        if std::env::var_os("PZ_DEBUG").is_some() {
+            for p in 0..n {
+                if parts.sizes()[p] > 300 {
+                    let c = |v: [usize; 3]| self.cells.centre(v).map(|x| x.round());
+                    eprintln!("part {} cells {:?} .. {:?} diag {:.0} {:?}", parts.sizes()[p], c(low[p]), c(high[p]), diagonal(p), verdict[p]);
+                }
+            }
+        }
+        let mut changes = Vec::new();
+        each_cell(&self.cells, |offset, [x, y, z]| {
+            if let Some(p) = parts.at(z, y, x) {
+                changes.push((offset, verdict[p as usize]));
+            }
+        });
+        for (offset, kind) in changes {
+            self.kinds[offset] = kind;
+        }
+    }
+
+    /// Whether the voxel is the patient's own tissue at full resolution; `None` where it is not
+    /// clearly tissue.
+    #[inline]
+    pub(super) fn owns(&self, [z, y, x]: [usize; 3]) -> Option<bool> {
+        self.pieces.at(z, y, x).map(|p| self.own[p as usize])
+    }
+}
+
+/// Calls `f` with the offset and the index of every cell, in order.
+pub(super) fn each_cell(cells: &Cells, mut f: impl FnMut(usize, [usize; 3])) {
+    let [nx, ny, nz] = cells.shape;
+    let mut offset = 0;
+    for z in 0..nz {
+        for y in 0..ny {
+            for x in 0..nx {
+                f(offset, [x, y, z]);
+                offset += 1;
+            }
+        }
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+fn piece_at(space: &Space, pieces: &Pieces, cells: &Cells, cell: [usize; 3]) -> Option<u32> {
+    let index = space.index(cells.centre(cell)).map(|v| v.round());
+    if index.iter().zip(space.shape).any(|(&v, n)| v < 0.0 || v as usize >= n) {
+        return None;
+    }
+    pieces.at(index[0] as usize, index[1] as usize, index[2] as usize)
+}
