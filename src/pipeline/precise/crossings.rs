@@ -41,6 +41,11 @@ pub(super) struct Crossing {
     pub(super) planes: PlaneSet,
     /// The axis of its line.
     pub(super) axis: u8,
+    /// Whether it was seen, or interpolated between two slices.
+    pub(super) between: bool,
+    /// How many standard deviations of the edge there are from one voxel of the line to the next:
+    /// the fewer, the better the line resolves the edge.
+    pub(super) coarseness: f64,
     /// Expected error along the normal, mm, from the edge alone.
     pub(super) error: f64,
 }
@@ -96,9 +101,6 @@ impl Search<'_> {
         if self.space.voxel(outer) < self.levels.padding() {
             return None;
         }
-        if self.owner(inner, axis, ascending) == Some(false) {
-            return None;
-        }
         let (a, b) = (self.space.voxel(inner), self.space.voxel(outer));
         let t = f64::from((a - self.levels.middle()) / (a - b));
         let mut index = inner.map(|i| i as f64);
@@ -110,7 +112,7 @@ impl Search<'_> {
         if cosine < LEAST_COSINE {
             return None;
         }
-        if !self.is_patient(place, normal) {
+        if self.patient.owns(self.space, place, normal) != Some(true) || !self.is_patient(place, normal) {
             return None;
         }
         if self.outside.beyond(place, normal) != Side::Outside {
@@ -119,21 +121,6 @@ impl Search<'_> {
         let (tissue, air) = self.around(place, normal);
         let inner = inner.map(|i| i as u16);
         Some(Candidate { inner, axis: axis as u8, ascending, place, normal, tissue, air })
-    }
-
-    /// Whether the first clear tissue inward is the patient's.
-    fn owner(&self, inner: [usize; 3], axis: usize, ascending: bool) -> Option<bool> {
-        let mut at = inner;
-        for _ in 0..3 {
-            if let Some(own) = self.patient.owns(at) {
-                return Some(own);
-            }
-            at[axis] = if ascending { at[axis].checked_sub(1)? } else { at[axis] + 1 };
-            if at[axis] >= self.space.shape[axis] {
-                return None;
-            }
-        }
-        None
     }
 
     fn is_patient(&self, p: Vec3, n: Vec3) -> bool {
@@ -155,7 +142,7 @@ impl Search<'_> {
         gradient(self.space, p).and_then(|g| normalised(scale(g, -1.0)))
     }
 
-    /// Level of the tissue inside and of the air outside.
+    /// Level of the tissue inside and of the air outside, as far as they show there.
     fn around(&self, p: Vec3, n: Vec3) -> (f32, f32) {
         let at = |d: f64| self.space.sample(add(p, scale(n, d)));
         let tissue = [-1.0, -1.4, -1.8].iter().filter_map(|&d| at(d)).fold(f32::MIN, f32::max);
@@ -222,10 +209,44 @@ pub(super) fn measure(
                 normal: c.normal,
                 planes: steep.planes(c.axis, c.normal),
                 axis: c.axis,
+                between: false,
+                coarseness: across / sigma,
                 error: edge.deviation * across,
             })
         })
         .collect()
+}
+
+/// Reads the tissue's level again, now that the edge and its width are known: close behind the
+/// edge, before the next layer begins, with what the air lends to it taken off.
+pub(super) fn refine_levels(space: &Space, width: &Width, regions: &Regions, candidates: &mut [Candidate]) {
+    candidates.par_iter_mut().enumerate().for_each(|(i, c)| {
+        let (_, air) = regions.levels(i);
+        let sigma = width.seen_along(space, c.normal);
+        let mut sum = (0.0, 0.0);
+        for depth in PLATEAU {
+            let Some(seen) = space.sample(add(c.place, scale(c.normal, -depth * sigma))) else { continue };
+            let lent = upper_tail(depth);
+            sum.0 += (f64::from(seen) - lent * f64::from(air)) / (1.0 - lent);
+            sum.1 += 1.0;
+        }
+        if sum.1 > 0.0 {
+            #[expect(clippy::cast_possible_truncation)]
+            {
+                c.tissue = (sum.0 / sum.1) as f32;
+            }
+        }
+    });
+}
+
+/// How far behind the edge the tissue's level is read, in standard deviations of the edge.
+const PLATEAU: [f64; 2] = [1.4, 1.9];
+
+/// The share of a blurred step that lies beyond a number of standard deviations (Zelen and
+/// Severo's approximation, to 1e-5).
+fn upper_tail(x: f64) -> f64 {
+    let t = 1.0 / (1.0 + 0.33267 * x);
+    (-0.5 * x * x).exp() * 0.398_942_3 * t * (0.436_183_6 + t * (-0.120_167_6 + t * 0.937_298))
 }
 
 /// Six voxels along the line, from the tissue to the air; the candidate's two in the middle.

@@ -1,5 +1,7 @@
 //! The `precise` profile: the whole skin, in its true place, on any head CT.
 
+mod between;
+mod couch;
 mod crossings;
 mod distance;
 mod edge;
@@ -27,13 +29,17 @@ pub fn dev(volume: &Volume, leaf: f64) -> Option<(PointCloud, Vec<[f32; 6]>)> {
     lap(&format!("patient {:?}", patient.cells));
     let outside = outside::Outside::find(&space, &patient);
     lap("outside");
-    let candidates = crossings::candidates(&space, &levels, &patient, &outside);
+    let mut candidates = crossings::candidates(&space, &levels, &patient, &outside);
     lap(&format!("candidates {}", candidates.len()));
     let regions = regions::Regions::of(&candidates, &levels);
     let width = width::Width::of(&space, &candidates, &regions);
     lap(&format!("{width:?}"));
+    crossings::refine_levels(&space, &width, &regions, &mut candidates);
+    let regions = regions::Regions::of(&candidates, &levels);
     let points = crossings::measure(&space, &levels, &width, &regions, &candidates);
     lap(&format!("crossings {}", points.len()));
+    let points = between::fill(&space, points);
+    lap(&format!("with those between slices {}", points.len()));
     let points = leaves::thin(&points, leaf);
     lap(&format!("points {}", points.len()));
     let cloud = PointCloud {

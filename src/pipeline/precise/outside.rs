@@ -1,5 +1,7 @@
 //! The air outside: what a ball can reach from the sides of the scan, and a little further.
 
+use std::collections::HashMap;
+
 use super::distance::squared_distance;
 use super::patient::{Cell, Patient, each_cell};
 use super::pieces::Pieces;
@@ -12,6 +14,13 @@ const BALL_MM: f64 = 4.0;
 /// How far beyond the ball's reach a fold is still skin, mm (nostrils and ear canals deeper than
 /// that are inside).
 const FOLD_MM: f64 = 5.0;
+/// Narrow air deeper than this is no fold: a nostril, an ear canal, a mouth. It is closed at its
+/// rim, mm.
+const CANAL_MM: f64 = 12.0;
+/// How much longer than the shortest one a way into a canal may be, mm.
+const WAY_MM: f64 = 3.0;
+/// How far the closing of a canal reaches into the open air before it, mm.
+const RIM_MM: f64 = 2.5;
 /// Chamfer steps of the walk into narrow air, in thirds of a cell.
 const STEPS: [u32; 4] = [0, 3, 4, 5];
 
@@ -42,7 +51,7 @@ impl Outside {
     /// Walks in from the sides of the scan. Whatever is not the patient lets pass.
     pub(super) fn find(space: &Space, patient: &Patient) -> Self {
         let cells = patient.cells;
-        let solid = |i: usize| matches!(patient.kinds[i], Cell::Patient | Cell::Unseen);
+        let solid = |i: usize| patient.kinds[i] == Cell::Patient;
         let limit = cells.squared(BALL_MM);
         let distance = squared_distance(cells.shape, limit, solid);
         let free = Pieces::of(cells.shape, |i| distance[i] == u16::MAX);
@@ -75,43 +84,78 @@ impl Outside {
 
     /// What lies beyond a border at `p` whose outward normal is `n`.
     pub(super) fn beyond(&self, p: Vec3, n: Vec3) -> Side {
-        for step in [0.6, 1.1, 1.6, 2.1] {
+        let mut side = Side::Inside;
+        for step in [2.1, 1.6, 1.1, 0.6] {
             if let Some(cell) = self.cells.at(add(p, scale(n, step * self.cells.edge))) {
                 match self.open[self.cells.offset(cell)] {
-                    OPEN => return Side::Outside,
-                    CANAL => return Side::Canal,
-                    ENCLOSED => return Side::Inside,
+                    OPEN => side = Side::Outside,
+                    // Next to the rim of a canal the canal decides.
+                    CANAL if step < 2.0 => return Side::Canal,
+                    CANAL => side = Side::Canal,
+                    ENCLOSED => side = Side::Inside,
                     _ => {}
                 }
             }
         }
-        Side::Inside
+        side
     }
 }
 
-/// Marks the narrow air that is fold (open) and the one that is canal.
+/// Marks the narrow air that is fold (open) and the one that is canal: what lies deeper than a
+/// fold, and the whole way from the open air to what is deeper than any fold.
 fn close_canals(cells: &Cells, open: &mut [u8]) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let fold = (FOLD_MM / cells.edge * 3.0).round() as u32;
-    let from: Vec<usize> = (0..cells.len()).filter(|&i| open[i] == OPEN).collect();
-    let further = fold * 2;
-    let narrow = walk(cells, &from, further, |i| open[i] == ENCLOSED);
-    let deep: Vec<usize> = narrow.iter().filter(|&&(_, d)| d > fold).map(|&(i, _)| i).collect();
-    for &(i, d) in &narrow {
+    let thirds = |mm: f64| (mm / cells.edge * 3.0).round() as u32;
+    let (fold, canal) = (thirds(FOLD_MM), thirds(CANAL_MM));
+    let from = next_to_narrow(cells, open);
+    let narrow = walk(cells, &from, canal + 5, |i| open[i] == ENCLOSED);
+    let deep: Vec<usize> = narrow.iter().filter(|&&(_, d)| d > canal).map(|&(i, _)| i).collect();
+    let depth: HashMap<usize, u32> = narrow.into_iter().collect();
+    let (slack, rim) = (thirds(WAY_MM), thirds(RIM_MM));
+    let back = walk(cells, &deep, canal + slack + rim, |i| open[i] == OPEN || depth.contains_key(&i));
+    for (&i, &d) in &depth {
         open[i] = if d > fold { CANAL } else { OPEN };
     }
-    let shallow: std::collections::HashSet<usize> =
-        narrow.iter().filter(|&&(_, d)| d <= fold).map(|&(i, _)| i).collect();
-    for (i, _) in walk(cells, &deep, fold + 3, |i| shallow.contains(&i)) {
-        open[i] = CANAL;
+    for (i, d) in back {
+        let on_the_way = match depth.get(&i) {
+            Some(depth) => depth + d <= canal + slack,
+            None => d <= canal + slack.max(rim),
+        };
+        if on_the_way {
+            open[i] = CANAL;
+        }
     }
+}
+
+/// The open cells that share a face, an edge or a corner with narrow ones.
+fn next_to_narrow(cells: &Cells, open: &[u8]) -> Vec<usize> {
+    let [nx, ny, nz] = cells.shape;
+    let mut next = Vec::new();
+    each_cell(cells, |i, [x, y, z]| {
+        if open[i] != ENCLOSED {
+            return;
+        }
+        for (dz, dy, dx) in neighbours() {
+            let (Some(x), Some(y), Some(z)) =
+                (x.checked_add_signed(dx), y.checked_add_signed(dy), z.checked_add_signed(dz))
+            else {
+                continue;
+            };
+            if x < nx && y < ny && z < nz && open[(z * ny + y) * nx + x] == OPEN {
+                next.push((z * ny + y) * nx + x);
+            }
+        }
+    });
+    next.sort_unstable();
+    next.dedup();
+    next
 }
 
 /// Cells for which `pass` holds, reached from `from` within `most` chamfer thirds, with their
 /// distance; in the order in which they were reached.
 fn walk(cells: &Cells, from: &[usize], most: u32, pass: impl Fn(usize) -> bool) -> Vec<(usize, u32)> {
     let [nx, ny, nz] = cells.shape;
-    let mut best: std::collections::HashMap<usize, u32> = std::collections::HashMap::new();
+    let mut best: HashMap<usize, u32> = HashMap::new();
     let mut buckets: Vec<Vec<usize>> = vec![Vec::new(); most as usize + 6];
     buckets[0] = from.to_vec();
     let mut reached = Vec::new();

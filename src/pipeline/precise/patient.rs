@@ -8,7 +8,9 @@ use super::distance::squared_distance;
 use super::levels::Levels;
 use super::pieces::Pieces;
 use super::space::Space;
+use super::couch;
 use super::survey::Cells;
+use crate::geometry::{Vec3, add, scale};
 
 /// A body must be thicker than twice this to count as the patient's own, mm.
 const BALL_MM: f64 = 5.0;
@@ -17,13 +19,19 @@ const SKIN_MM: f64 = 1.5;
 /// A thin piece longer than this (diagonal of its box) is no ear, nose or jaw, mm.
 const LONGEST_PART_MM: f64 = 95.0;
 
+/// A long part is the patient's all the same (the walls of the sinuses) if so much of the view
+/// from it is the patient.
+const ENCLOSED: f64 = 0.65;
+/// How far that view goes, mm.
+const VIEW_MM: f64 = 60.0;
+/// From so many cells of a part it is taken.
+const VIEWPOINTS: u64 = 500;
+
 /// What a survey cell holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u8)]
 pub(super) enum Cell {
-    /// Outside the volume: nothing is known.
     #[default]
-    Unseen,
     /// Air, padding, or something too thin to be seen as tissue.
     Air,
     /// The patient.
@@ -54,11 +62,11 @@ impl Patient {
         let pieces = Pieces::of([nx, ny, nz], |o| space.hu[o] >= upper);
         let cells = Cells::over(space);
         let middle = levels.middle();
-        let mut kinds = cells.map(|p| match space.sample(p) {
-            None => Cell::Unseen,
+        let mut kinds = cells.map(|p| match space.sample_index(space.clamped(p)) {
             Some(v) if v >= middle => Cell::Patient,
-            Some(_) => Cell::Air,
+            _ => Cell::Air,
         });
+        couch::mark(space, &cells, &mut kinds);
         let limit = cells.squared(BALL_MM);
         let depth = squared_distance(cells.shape, limit, |i| kinds[i] != Cell::Patient);
         let inner = Pieces::of(cells.shape, |i| depth[i] == u16::MAX);
@@ -70,16 +78,14 @@ impl Patient {
         each_cell(&cells, |offset, [x, y, z]| {
             if inner.at(z, y, x) == Some(main) {
                 core[offset] = true;
-                if let Some(piece) = piece_at(space, &pieces, &cells, [x, y, z]) {
+                if let Some(piece) = piece_at(space, &pieces, cells.centre([x, y, z])) {
                     own[piece as usize] = true;
                 }
             }
         });
         each_cell(&cells, |offset, cell| {
-            if kinds[offset] == Cell::Patient
-                && piece_at(space, &pieces, &cells, cell).is_some_and(|p| !own[p as usize])
-            {
-                kinds[offset] = Cell::Other;
+            if kinds[offset] == Cell::Patient {
+                kinds[offset] = owner(space, &pieces, &own, cells.centre(cell), cells.edge);
             }
         });
         let reach = cells.squared(BALL_MM + SKIN_MM);
@@ -123,7 +129,7 @@ impl Patient {
             .map(|p| {
                 if !touches[p] {
                     Cell::Other
-                } else if diagonal(p) > LONGEST_PART_MM {
+                } else if diagonal(p) > LONGEST_PART_MM && self.enclosure(&parts, p, near) < ENCLOSED {
                     Cell::Attached
                 } else {
                     Cell::Patient
@@ -134,7 +140,7 @@ impl Patient {
             for p in 0..n {
                 if parts.sizes()[p] > 300 {
                     let c = |v: [usize; 3]| self.cells.centre(v).map(|x| x.round());
-                    eprintln!("part {} cells {:?} .. {:?} diag {:.0} {:?}", parts.sizes()[p], c(low[p]), c(high[p]), diagonal(p), verdict[p]);
+                    eprintln!("part {} cells {:?} .. {:?} diag {:.0} enc {:.2} {:?}", parts.sizes()[p], c(low[p]), c(high[p]), diagonal(p), self.enclosure(&parts, p, near), verdict[p]);
                 }
             }
         }
@@ -149,12 +155,56 @@ impl Patient {
         }
     }
 
-    /// Whether the voxel is the patient's own tissue at full resolution; `None` where it is not
-    /// clearly tissue.
-    #[inline]
-    pub(super) fn owns(&self, [z, y, x]: [usize; 3]) -> Option<bool> {
-        self.pieces.at(z, y, x).map(|p| self.own[p as usize])
+    /// How much of the view from a part is the body: the mean share of directions, over cells of
+    /// the part, in which a ray meets the body.
+    #[expect(clippy::cast_precision_loss)]
+    fn enclosure(&self, parts: &Pieces, part: usize, near: &[u16]) -> f64 {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let steps = (VIEW_MM / self.cells.edge) as isize;
+        let every = (parts.sizes()[part] / VIEWPOINTS).max(1);
+        let (mut seen, mut met, mut rays) = (0u64, 0u64, 0u64);
+        each_cell(&self.cells, |_, cell| {
+            let [x, y, z] = cell;
+            if parts.at(z, y, x).is_none_or(|p| p as usize != part) {
+                return;
+            }
+            seen += 1;
+            if seen % every != 0 {
+                return;
+            }
+            for direction in directions() {
+                rays += 1;
+                met += u64::from((1..=steps).any(|n| self.is_body(cell, direction, n, near)));
+            }
+        });
+        met as f64 / rays.max(1) as f64
     }
+
+    fn is_body(&self, cell: [usize; 3], direction: [isize; 3], n: isize, near: &[u16]) -> bool {
+        let mut at = [0; 3];
+        for a in 0..3 {
+            match cell[a].checked_add_signed(direction[a] * n) {
+                Some(v) if v < self.cells.shape[a] => at[a] = v,
+                _ => return false,
+            }
+        }
+        let offset = self.cells.offset(at);
+        self.kinds[offset] == Cell::Patient && near[offset] != u16::MAX
+    }
+
+    /// Whether the first clear tissue behind a border at `p` with the outward normal `n` is the
+    /// patient's own; `None` if there is none.
+    pub(super) fn owns(&self, space: &Space, p: Vec3, n: Vec3) -> Option<bool> {
+        [0.5, 1.0, 1.5, 2.0]
+            .into_iter()
+            .find_map(|d| piece_at(space, &self.pieces, add(p, scale(n, -d))))
+            .map(|piece| self.own[piece as usize])
+    }
+}
+
+/// The 26 directions to a cell's neighbours.
+fn directions() -> impl Iterator<Item = [isize; 3]> {
+    (0..27).map(|i| [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1]).filter(|d| *d != [0; 3])
 }
 
 /// Calls `f` with the offset and the index of every cell, in order.
@@ -172,10 +222,21 @@ pub(super) fn each_cell(cells: &Cells, mut f: impl FnMut(usize, [usize; 3])) {
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-fn piece_at(space: &Space, pieces: &Pieces, cells: &Cells, cell: [usize; 3]) -> Option<u32> {
-    let index = space.index(cells.centre(cell)).map(|v| v.round());
-    if index.iter().zip(space.shape).any(|(&v, n)| v < 0.0 || v as usize >= n) {
-        return None;
+fn piece_at(space: &Space, pieces: &Pieces, p: Vec3) -> Option<u32> {
+    let [z, y, x] = space.clamped(p).map(|v| v.round() as usize);
+    pieces.at(z, y, x)
+}
+
+/// What a cell with some tissue in it is: the body's if any clear tissue in it is.
+fn owner(space: &Space, pieces: &Pieces, own: &[bool], centre: Vec3, edge: f64) -> Cell {
+    let mut found = Cell::Air;
+    let r = 0.6 * edge;
+    for d in [[0.0; 3], [r, 0.0, 0.0], [-r, 0.0, 0.0], [0.0, r, 0.0], [0.0, -r, 0.0], [0.0, 0.0, r], [0.0, 0.0, -r]] {
+        match piece_at(space, pieces, add(centre, d)) {
+            Some(piece) if own[piece as usize] => return Cell::Patient,
+            Some(_) => found = Cell::Other,
+            None => {}
+        }
     }
-    pieces.at(index[0] as usize, index[1] as usize, index[2] as usize)
+    found
 }

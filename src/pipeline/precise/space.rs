@@ -142,6 +142,22 @@ impl<'a> Space<'a> {
         self.sample_index(self.index(p))
     }
 
+    /// The nearest place within the volume, as a fractional index.
+    #[inline]
+    #[expect(clippy::cast_precision_loss)]
+    pub(super) fn clamped(&self, p: Vec3) -> [f64; 3] {
+        let index = self.index(p);
+        std::array::from_fn(|a| index[a].clamp(0.0, (self.shape[a] - 1) as f64))
+    }
+
+    /// Whether a place lies between the volume's outermost voxel centres.
+    #[inline]
+    #[expect(clippy::cast_precision_loss)]
+    pub(super) fn contains(&self, p: Vec3) -> bool {
+        let index = self.index(p);
+        (0..3).all(|a| index[a] >= 0.0 && index[a] <= (self.shape[a] - 1) as f64)
+    }
+
     /// Hounsfield units at a fractional index, trilinear; `None` outside the voxel centres.
     #[inline]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]

@@ -19,6 +19,9 @@ pub(super) struct Cells {
 
 /// At most so many cells: the memory and the time that the search may take.
 const MOST_CELLS: f64 = 14e6;
+/// The survey reaches so far beyond the scan, mm; there the scan's last voxels go on, so that air
+/// next to the first slice stays open and a windpipe cut by the last one stays closed.
+const MARGIN_MM: f64 = 6.0;
 
 impl Cells {
     /// Cells of 1 mm over the volume, larger ones if that would be too many.
@@ -34,7 +37,8 @@ impl Cells {
                 high[a] = high[a].max(p[a]);
             }
         }
-        let extent = [0, 1, 2].map(|a| high[a] - low[a]);
+        let low = low.map(|v| v - MARGIN_MM);
+        let extent = [0, 1, 2].map(|a| high[a] + MARGIN_MM - low[a]);
         let edge = (extent.iter().product::<f64>() / MOST_CELLS).cbrt().max(1.0);
         let shape = extent.map(|e| (e / edge).floor() as usize + 1);
         Self { origin: low, edge, shape }

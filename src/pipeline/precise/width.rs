@@ -51,6 +51,13 @@ impl Width {
         Self { in_plane, across: mean(sums[1], 0.2).unwrap_or(in_plane) }
     }
 
+    /// Along a direction, as trilinear samples show it: they widen the edge once more.
+    #[inline]
+    pub(super) fn seen_along(&self, space: &Space, n: Vec3) -> f64 {
+        let widened: f64 = (0..3).map(|axis| dot(n, space.mean_step(axis)).powi(2) / 6.0).sum();
+        (self.along(n, space.slice_normal()).powi(2) + widened).sqrt()
+    }
+
     /// Along a direction.
     #[inline]
     pub(super) fn along(&self, n: Vec3, slice_normal: Vec3) -> f64 {
