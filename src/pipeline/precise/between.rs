@@ -16,6 +16,8 @@ const NEAR_MM: f64 = 1.25;
 /// A line across the slices that has fewer voxels than this for the edge (in standard deviations
 /// from one to the next) does not resolve it.
 const UNRESOLVED: f64 = 2.5;
+/// A point whose expected error is larger than this is dropped, mm.
+const DOUBTFUL_MM: f64 = 1.0;
 /// Images between two slices are made this far apart at most, mm.
 const STEP_MM: f64 = 0.8;
 /// A distance is trusted only if its foot lies across the contour, not beyond its end: the least
@@ -24,6 +26,7 @@ const ACROSS: f64 = 0.8;
 
 /// Adds the skin between slices that lie far apart, and drops what the lines across them could not
 /// resolve.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
 pub(super) fn fill(space: &Space, crossings: Vec<Crossing>) -> Vec<Crossing> {
     let axis = space.slice_axis();
     let gaps: Vec<f64> = (0..space.shape[axis] - 1)
@@ -40,7 +43,15 @@ pub(super) fn fill(space: &Space, crossings: Vec<Crossing>) -> Vec<Crossing> {
         .collect();
     let mut all: Vec<Crossing> = crossings
         .into_iter()
-        .filter(|c| usize::from(c.axis) != axis || c.coarseness < UNRESOLVED || !contours.knows(space, c.place))
+        .filter_map(|c| {
+            if usize::from(c.axis) != axis || c.coarseness < UNRESOLVED {
+                return Some(c);
+            }
+            // Next to the crown only one slice shows the skin: it lies anywhere up to the other.
+            let k = space.index(c.place)[axis].max(0.0) as usize;
+            let error = gaps[k.min(gaps.len() - 1)] / 12f64.sqrt() * dot(c.normal, space.slice_normal()).abs();
+            (error <= DOUBTFUL_MM && !contours.knows(space, c.place)).then_some(Crossing { error, ..c })
+        })
         .collect();
     made.iter_mut().for_each(|m| all.append(m));
     all

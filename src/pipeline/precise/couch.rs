@@ -13,7 +13,7 @@ const FREE_BORDER: f64 = 0.5;
 /// Shorter scans than this show too little of the table to tell, mm.
 const LEAST_LENGTH_MM: f64 = 60.0;
 
-/// Marks as [`Cell::Attached`] the tissue that runs along the whole scan parallel to the table.
+/// Marks as [`Cell::Other`] the tissue that runs along the whole scan parallel to the table.
 #[expect(clippy::cast_precision_loss)]
 pub(super) fn mark(space: &Space, cells: &Cells, kinds: &mut [Cell]) {
     let [nx, ny, nz] = cells.shape;
@@ -47,10 +47,6 @@ pub(super) fn mark(space: &Space, cells: &Cells, kinds: &mut [Cell]) {
                 free += (1..=3).map(|n| step(n).map_or(1.0, emptiness)).fold(0.0, f64::max);
             }
         }
-        if std::env::var_os("PZ_DEBUG").is_some() && outline.len() > 20 {
-            let c = |i: usize| cells.centre([i % nx, i / nx, 0]);
-            eprintln!("outline {} cells from {:?} to {:?}: free {}/{}", outline.len(), c(outline[0]), c(*outline.iter().max().unwrap()), free, border);
-        }
         if free < FREE_BORDER * border as f64 {
             continue;
         }
@@ -58,7 +54,7 @@ pub(super) fn mark(space: &Space, cells: &Cells, kinds: &mut [Cell]) {
             for z in 0..nz {
                 let kind = &mut kinds[z * layer + i];
                 if *kind == Cell::Patient {
-                    *kind = Cell::Attached;
+                    *kind = Cell::Other;
                 }
             }
         }

@@ -5,6 +5,7 @@ mod couch;
 mod crossings;
 mod distance;
 mod edge;
+mod head;
 mod leaves;
 mod levels;
 mod outside;
@@ -27,6 +28,8 @@ pub fn dev(volume: &Volume, leaf: f64) -> Option<(PointCloud, Vec<[f32; 6]>)> {
     lap(&format!("levels {levels:?}"));
     let patient = patient::Patient::find(&space, &levels)?;
     lap(&format!("patient {:?}", patient.cells));
+    let head = head::Head::of(&space, &levels, &patient);
+    lap(&format!("{head:?}"));
     let outside = outside::Outside::find(&space, &patient);
     lap("outside");
     let mut candidates = crossings::candidates(&space, &levels, &patient, &outside);
@@ -49,7 +52,7 @@ pub fn dev(volume: &Volume, leaf: f64) -> Option<(PointCloud, Vec<[f32; 6]>)> {
     };
     let extra = points
         .iter()
-        .map(|c| [c.normal[0] as f32, c.normal[1] as f32, c.normal[2] as f32, c.error as f32, f32::from(c.axis), 0.0])
+        .map(|c| [c.normal[0] as f32, c.normal[1] as f32, c.normal[2] as f32, c.error as f32, f32::from(c.axis) + if c.between { 4.0 } else { 0.0 }, c.coarseness as f32])
         .collect();
     Some((cloud, extra))
 }

@@ -48,10 +48,11 @@ const CANAL: u8 = 2;
 const ENCLOSED: u8 = 3;
 
 impl Outside {
-    /// Walks in from the sides of the scan. Whatever is not the patient lets pass.
+    /// Walks in from the sides of the scan. Another body lets pass; what hangs on the patient does
+    /// not, for behind it nobody can tell a fold from a gap.
     pub(super) fn find(space: &Space, patient: &Patient) -> Self {
         let cells = patient.cells;
-        let solid = |i: usize| patient.kinds[i] == Cell::Patient;
+        let solid = |i: usize| matches!(patient.kinds[i], Cell::Patient | Cell::Attached);
         let limit = cells.squared(BALL_MM);
         let distance = squared_distance(cells.shape, limit, solid);
         let free = Pieces::of(cells.shape, |i| distance[i] == u16::MAX);

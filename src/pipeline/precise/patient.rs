@@ -136,14 +136,6 @@ impl Patient {
                 }
             })
             .collect();
-        if std::env::var_os("PZ_DEBUG").is_some() {
-            for p in 0..n {
-                if parts.sizes()[p] > 300 {
-                    let c = |v: [usize; 3]| self.cells.centre(v).map(|x| x.round());
-                    eprintln!("part {} cells {:?} .. {:?} diag {:.0} enc {:.2} {:?}", parts.sizes()[p], c(low[p]), c(high[p]), diagonal(p), self.enclosure(&parts, p, near), verdict[p]);
-                }
-            }
-        }
         let mut changes = Vec::new();
         each_cell(&self.cells, |offset, [x, y, z]| {
             if let Some(p) = parts.at(z, y, x) {
