@@ -29,9 +29,8 @@ const ACROSS: f64 = 0.8;
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
 pub(super) fn fill(space: &Space, crossings: Vec<Crossing>) -> Vec<Crossing> {
     let axis = space.slice_axis();
-    let gaps: Vec<f64> = (0..space.shape[axis] - 1)
-        .map(|k| dot(space.step_at(axis, k), space.slice_normal()).abs())
-        .collect();
+    let gaps: Vec<f64> =
+        (0..space.shape[axis] - 1).map(|k| dot(space.step_at(axis, k), space.slice_normal()).abs()).collect();
     if gaps.iter().all(|&g| g < NEAR_MM) {
         return crossings;
     }
@@ -49,7 +48,8 @@ pub(super) fn fill(space: &Space, crossings: Vec<Crossing>) -> Vec<Crossing> {
             }
             // Next to the crown only one slice shows the skin: it lies anywhere up to the other.
             let k = space.index(c.place)[axis].max(0.0) as usize;
-            let error = gaps[k.min(gaps.len() - 1)] / 12f64.sqrt() * dot(c.normal, space.slice_normal()).abs();
+            let error =
+                gaps[k.min(gaps.len() - 1)] / 12f64.sqrt() * dot(c.normal, space.slice_normal()).abs();
             (error <= DOUBTFUL_MM && !contours.knows(space, c.place)).then_some(Crossing { error, ..c })
         })
         .collect();
@@ -204,7 +204,9 @@ impl Contours {
                         continue;
                     }
                     let here = at(i);
-                    for (along, j) in [(1, (c + 1 < columns).then_some(i + 1)), (0, (r + 1 < rows).then_some(i + columns))] {
+                    for (along, j) in
+                        [(1, (c + 1 < columns).then_some(i + 1)), (0, (r + 1 < rows).then_some(i + columns))]
+                    {
                         let Some(j) = j.filter(|&j| known(j)) else { continue };
                         let there = at(j);
                         if (here < 0.0) == (there < 0.0) {
@@ -236,7 +238,15 @@ impl Contours {
     /// A point of skin at `place` (row and column, from `low`), the share `t` of the way from
     /// slice k to k + 1; `along` is 0 or 1 for a line in the slice, 2 for one across.
     #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation)]
-    fn point(&self, space: &Space, k: usize, t: f64, gap: f64, place: [f64; 2], along: usize) -> Option<Crossing> {
+    fn point(
+        &self,
+        space: &Space,
+        k: usize,
+        t: f64,
+        gap: f64,
+        place: [f64; 2],
+        along: usize,
+    ) -> Option<Crossing> {
         let slice_axis = space.slice_axis();
         let mut index = [0.0; 3];
         index[slice_axis] = k as f64 + t;
@@ -251,10 +261,8 @@ impl Contours {
             1 => [Plane::Axial, Plane::Sagittal],
             _ => [Plane::Sagittal, Plane::Coronal],
         };
-        let planes = planes
-            .into_iter()
-            .filter(|&p| p != own)
-            .fold(PlaneSet::EMPTY, |set, p| set.union(p.into()));
+        let planes =
+            planes.into_iter().filter(|&p| p != own).fold(PlaneSet::EMPTY, |set, p| set.union(p.into()));
         Some(Crossing {
             place: space.lps(index),
             normal,

@@ -50,13 +50,18 @@ pub(super) struct Crossing {
     pub(super) error: f64,
 }
 
-/// Finds the candidates.
-pub(super) fn candidates(space: &Space, levels: &Levels, patient: &Patient, outside: &Outside) -> Vec<Candidate> {
+/// Finds the candidates; and those borders of the patient that would be skin but for a doubt.
+pub(super) fn candidates(
+    space: &Space,
+    levels: &Levels,
+    patient: &Patient,
+    outside: &Outside,
+) -> (Vec<Candidate>, Vec<Doubtful>) {
     let [nz, ny, nx] = space.shape;
     #[expect(clippy::cast_possible_truncation)]
     let middle = levels.middle().ceil() as i16;
     let search = Search { space, levels, patient, outside };
-    (0..nz)
+    let found: Vec<Result<Candidate, Doubtful>> = (0..nz)
         .into_par_iter()
         .flat_map_iter(|z| {
             let mut found = Vec::new();
@@ -81,7 +86,39 @@ pub(super) fn candidates(space: &Space, levels: &Levels, patient: &Patient, outs
             }
             found
         })
-        .collect()
+        .collect();
+    let (mut candidates, mut doubtful) = (Vec::with_capacity(found.len()), Vec::new());
+    for one in found {
+        match one {
+            Ok(candidate) => candidates.push(candidate),
+            Err(doubt) => doubtful.push(doubt),
+        }
+    }
+    (candidates, doubtful)
+}
+
+/// A border of the patient that was not accepted as skin.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Doubtful {
+    /// Rough place, LPS mm.
+    pub(super) place: Vec3,
+    /// Outward unit normal.
+    pub(super) normal: Vec3,
+    /// The axis of its line.
+    pub(super) axis: u8,
+    /// Why.
+    pub(super) reason: Doubtfulness,
+}
+
+/// Why a border was not accepted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Doubtfulness {
+    /// Something hangs on the patient here, or another body touches it.
+    Touching,
+    /// The image ends here.
+    FieldOfView,
+    /// The rim of a nostril, an ear canal or the mouth.
+    Canal,
 }
 
 struct Search<'a> {
@@ -92,15 +129,13 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The candidate between the voxel at `lower` and the next one along `axis`.
+    /// The candidate between the voxel at `lower` and the next one along `axis`; `None` where it
+    /// is no border of the patient to the outside at all.
     #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss)]
-    fn judge(&self, lower: [usize; 3], axis: usize, ascending: bool) -> Option<Candidate> {
+    fn judge(&self, lower: [usize; 3], axis: usize, ascending: bool) -> Option<Result<Candidate, Doubtful>> {
         let mut upper = lower;
         upper[axis] += 1;
         let (inner, outer) = if ascending { (lower, upper) } else { (upper, lower) };
-        if self.space.voxel(outer) < self.levels.padding() {
-            return None;
-        }
         let (a, b) = (self.space.voxel(inner), self.space.voxel(outer));
         let t = f64::from((a - self.levels.middle()) / (a - b));
         let mut index = inner.map(|i| i as f64);
@@ -112,17 +147,27 @@ impl Search<'_> {
         if cosine < LEAST_COSINE {
             return None;
         }
-        if self.patient.owns(self.space, place, normal) != Some(true) || !self.is_patient(place, normal) {
+        let doubt = |reason| Some(Err(Doubtful { place, normal, axis: axis as u8, reason }));
+        if self.patient.owns(self.space, place, normal) != Some(true) {
             return None;
         }
-        if self.outside.beyond(place, normal) != Side::Outside {
-            return None;
+        match self.outside.beyond(place, normal) {
+            Side::Outside => {}
+            Side::Canal => return doubt(Doubtfulness::Canal),
+            Side::Inside => return None,
+        }
+        if self.space.voxel(outer) < self.levels.padding() {
+            return doubt(Doubtfulness::FieldOfView);
+        }
+        if !self.is_patient(place, normal) {
+            return doubt(Doubtfulness::Touching);
         }
         let (tissue, air) = self.around(place, normal);
         let inner = inner.map(|i| i as u16);
-        Some(Candidate { inner, axis: axis as u8, ascending, place, normal, tissue, air })
+        Some(Ok(Candidate { inner, axis: axis as u8, ascending, place, normal, tissue, air }))
     }
 
+    /// Whether the survey's first cell behind the border is the patient.
     fn is_patient(&self, p: Vec3, n: Vec3) -> bool {
         let cells = &self.patient.cells;
         for step in [0.6, 1.1, 1.6, 2.1] {
@@ -134,7 +179,7 @@ impl Search<'_> {
                 }
             }
         }
-        true
+        false
     }
 
     /// Outward unit normal from the gradient of HU over about a voxel and a half.

@@ -198,7 +198,9 @@ fn walk(cells: &Cells, from: &[usize], most: u32, pass: impl Fn(usize) -> bool) 
 }
 
 fn neighbours() -> impl Iterator<Item = (isize, isize, isize)> {
-    (-1..=1).flat_map(|z| (-1..=1).flat_map(move |y| (-1..=1).map(move |x| (z, y, x)))).filter(|&n| n != (0, 0, 0))
+    (-1..=1)
+        .flat_map(|z| (-1..=1).flat_map(move |y| (-1..=1).map(move |x| (z, y, x))))
+        .filter(|&n| n != (0, 0, 0))
 }
 
 /// Which pieces of free air come to a side of the slices: the air of the windpipe, that only

@@ -4,11 +4,11 @@
 //! in pieces: ears, nose and jaw are small; a holder, a couch, straps and tubes are long. Where a
 //! gap is seen between two bodies, however narrow, they are parted at the scan's full resolution.
 
+use super::couch;
 use super::distance::squared_distance;
 use super::levels::Levels;
 use super::pieces::Pieces;
 use super::space::Space;
-use super::couch;
 use super::survey::Cells;
 use crate::geometry::{Vec3, add, scale};
 
@@ -123,7 +123,8 @@ impl Patient {
         });
         #[expect(clippy::cast_precision_loss)]
         let diagonal = |p: usize| {
-            (0..3).map(|a| ((high[p][a] - low[p][a] + 1) as f64).powi(2)).sum::<f64>().sqrt() * self.cells.edge
+            (0..3).map(|a| ((high[p][a] - low[p][a] + 1) as f64).powi(2)).sum::<f64>().sqrt()
+                * self.cells.edge
         };
         let verdict: Vec<Cell> = (0..n)
             .map(|p| {
@@ -223,7 +224,15 @@ fn piece_at(space: &Space, pieces: &Pieces, p: Vec3) -> Option<u32> {
 fn owner(space: &Space, pieces: &Pieces, own: &[bool], centre: Vec3, edge: f64) -> Cell {
     let mut found = Cell::Air;
     let r = 0.6 * edge;
-    for d in [[0.0; 3], [r, 0.0, 0.0], [-r, 0.0, 0.0], [0.0, r, 0.0], [0.0, -r, 0.0], [0.0, 0.0, r], [0.0, 0.0, -r]] {
+    for d in [
+        [0.0; 3],
+        [r, 0.0, 0.0],
+        [-r, 0.0, 0.0],
+        [0.0, r, 0.0],
+        [0.0, -r, 0.0],
+        [0.0, 0.0, r],
+        [0.0, 0.0, -r],
+    ] {
         match piece_at(space, pieces, add(centre, d)) {
             Some(piece) if own[piece as usize] => return Cell::Patient,
             Some(_) => found = Cell::Other,
