@@ -8,6 +8,7 @@ use super::outside::{Outside, Side};
 use super::patient::{Cell, Patient};
 use super::regions::Regions;
 use super::space::Space;
+use super::stretches::StretchReason;
 use super::width::Width;
 use crate::geometry::{Axis, Plane, PlaneSet, Vec3, add, cross, dot, norm, normalised, scale};
 
@@ -106,19 +107,14 @@ pub(super) struct Doubtful {
     pub(super) normal: Vec3,
     /// The axis of its line.
     pub(super) axis: u8,
+    /// The voxel in the patient, `[z, y, x]`.
+    pub(super) inner: [u16; 3],
     /// Why.
-    pub(super) reason: Doubtfulness,
-}
-
-/// Why a border was not accepted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Doubtfulness {
-    /// Something hangs on the patient here, or another body touches it.
-    Touching,
-    /// The image ends here.
-    FieldOfView,
-    /// The rim of a nostril, an ear canal or the mouth.
-    Canal,
+    pub(super) reason: StretchReason,
+    /// What was measured, in the reason's unit.
+    pub(super) measured: f64,
+    /// The limit for it.
+    pub(super) limit: f64,
 }
 
 struct Search<'a> {
@@ -147,39 +143,45 @@ impl Search<'_> {
         if cosine < LEAST_COSINE {
             return None;
         }
-        let doubt = |reason| Some(Err(Doubtful { place, normal, axis: axis as u8, reason }));
+        let inner_voxel = inner.map(|i| i as u16);
+        let doubt = |reason, measured: f64, limit: f64| {
+            let inner = inner_voxel;
+            Some(Err(Doubtful { place, normal, axis: axis as u8, inner, reason, measured, limit }))
+        };
         if self.patient.owns(self.space, place, normal) != Some(true) {
             return None;
         }
         match self.outside.beyond(place, normal) {
             Side::Outside => {}
-            Side::Canal => return doubt(Doubtfulness::Canal),
+            Side::Canal(mm) => return doubt(StretchReason::Canal, mm, self.outside.reach_mm()),
             Side::Inside => return None,
         }
-        if self.space.voxel(outer) < self.levels.padding() {
-            return doubt(Doubtfulness::FieldOfView);
+        let (seen, padding) = (self.space.voxel(outer), self.levels.padding());
+        if seen < padding {
+            return doubt(StretchReason::FieldOfView, f64::from(seen), f64::from(padding));
         }
-        if !self.is_patient(place, normal) {
-            return doubt(Doubtfulness::Touching);
+        if let Some(mm) = self.foreign(place, normal) {
+            return doubt(StretchReason::Touching, mm, DEPTHS[3] * self.patient.cells.edge);
         }
         let (tissue, air) = self.around(place, normal);
-        let inner = inner.map(|i| i as u16);
+        let inner = inner_voxel;
         Some(Ok(Candidate { inner, axis: axis as u8, ascending, place, normal, tissue, air }))
     }
 
-    /// Whether the survey's first cell behind the border is the patient.
-    fn is_patient(&self, p: Vec3, n: Vec3) -> bool {
+    /// How far behind the border the survey sees something that is not the patient; `None` if it
+    /// sees the patient first.
+    fn foreign(&self, p: Vec3, n: Vec3) -> Option<f64> {
         let cells = &self.patient.cells;
-        for step in [0.6, 1.1, 1.6, 2.1] {
+        for step in DEPTHS {
             if let Some(cell) = cells.at(add(p, scale(n, -step * cells.edge))) {
                 match self.patient.kinds[cells.offset(cell)] {
-                    Cell::Patient => return true,
-                    Cell::Attached | Cell::Other => return false,
-                    _ => {}
+                    Cell::Patient => return None,
+                    Cell::Attached | Cell::Other => return Some(step * cells.edge),
+                    Cell::Air => {}
                 }
             }
         }
-        false
+        Some(DEPTHS[3] * cells.edge)
     }
 
     /// Outward unit normal from the gradient of HU over about a voxel and a half.
@@ -196,6 +198,8 @@ impl Search<'_> {
     }
 }
 
+/// How far behind the border the survey is asked, in cells.
+const DEPTHS: [f64; 4] = [0.6, 1.1, 1.6, 2.1];
 /// A line that meets the skin flatter than this is left to the others.
 const LEAST_COSINE: f64 = 0.25;
 

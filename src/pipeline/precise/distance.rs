@@ -68,3 +68,26 @@ fn lower(out: &mut [u16], from: &[u16], offset: u16) {
 fn square(n: usize) -> u16 {
     (n * n).min(usize::from(u16::MAX)) as u16
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn agrees_with_trying_all_cells() {
+        let shape = [13, 9, 7];
+        let marked = |i: usize| (i * 7919) % 97 == 3;
+        let limit = 16;
+        let found = squared_distance(shape, limit, marked);
+        let at = |i: usize| [i % 13, i / 13 % 9, i / (13 * 9)];
+        for i in 0..found.len() {
+            let truth = (0..found.len())
+                .filter(|&j| marked(j))
+                .map(|j| (0..3).map(|a| at(i)[a].abs_diff(at(j)[a]).pow(2)).sum::<usize>())
+                .min()
+                .filter(|&d| d <= usize::from(limit))
+                .map_or(u16::MAX, |d| u16::try_from(d).unwrap());
+            assert_eq!(found[i], truth, "at {:?}", at(i));
+        }
+    }
+}

@@ -118,3 +118,45 @@ fn fit_of(profile: &Profile, reached: impl Fn(f64) -> bool) -> Edge {
     let variance = (v00 - 2.0 * place * v01 + place * place * v11) / (k * k);
     Edge { place, deviation: variance.max(0.0).sqrt() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// P(Z < x), by the trapezoid rule.
+    fn normal(x: f64) -> f64 {
+        let steps = 4000;
+        let h = (x + 8.0) / f64::from(steps);
+        let density = |t: f64| (-0.5 * t * t).exp() / (2.0 * std::f64::consts::PI).sqrt();
+        (0..steps)
+            .map(|i| {
+                let a = -8.0 + f64::from(i) * h;
+                0.5 * h * (density(a) + density(a + h))
+            })
+            .sum()
+    }
+
+    /// Tables of the normal distribution.
+    #[test]
+    fn probit_inverts_the_normal_distribution() {
+        for (p, x) in [(0.5, 0.0), (0.841_344_746, 1.0), (0.022_750_132, -2.0), (0.975, 1.959_963_985)] {
+            assert!((probit(p) - x).abs() < 1e-6, "probit({p}) is {}, not {x}", probit(p));
+        }
+    }
+
+    #[test]
+    fn a_blurred_step_is_found_whatever_its_place_and_width() {
+        for voxels_per_sigma in [0.5, 1.0, 2.0] {
+            for place in [0.05, 0.3, 0.5, 0.8, 0.95] {
+                let shares = std::array::from_fn(|i| {
+                    #[expect(clippy::cast_precision_loss)]
+                    let x = i as f64 - 2.0;
+                    normal((place - x) * voxels_per_sigma)
+                });
+                let found = fit(&Profile { shares, slope: voxels_per_sigma, noise: 0.01 });
+                let error = (found.place - place).abs();
+                assert!(error < 0.01, "edge at {place} found {error} voxels away at {voxels_per_sigma}");
+            }
+        }
+    }
+}

@@ -12,6 +12,7 @@
 //! | which border is skin | [`outside`] |
 //! | where exactly | [`crossings`], [`edge`], [`regions`], [`width`] |
 //! | between thick slices | [`between`] |
+//! | what was not accepted | [`stretches`] |
 //! | one point a leaf | [`leaves`], [`order`] |
 //! | how far to trust it | [`agreement`], [`confidence`], [`quality`] |
 
@@ -34,9 +35,14 @@ mod reconstruct;
 mod regions;
 mod skin;
 mod space;
+mod stretches;
 mod survey;
 mod width;
 
 pub use quality::{Doubt, Quality, QualityLimits, Verdict};
 pub use reconstruct::reconstruct;
 pub use skin::{NoSkin, Skin, SkinPoint};
+pub use stretches::{SliceContour, Stretch, StretchReason};
+
+#[cfg(test)]
+mod tests;

@@ -37,3 +37,22 @@ fn spread(i: u32) -> u64 {
     let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     z ^ (z >> 31)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_points_are_spread_over_the_whole_cloud() {
+        let points: Vec<Vec3> = (0..400).map(|i| [f64::from(i % 20), f64::from(i / 20), 0.0]).collect();
+        let order = by_detail(&points, 1.0);
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        assert_eq!(sorted, (0..400).collect::<Vec<u32>>(), "every point once");
+        let first: Vec<Vec3> = order[..40].iter().map(|&i| points[i as usize]).collect();
+        for p in &points {
+            let near = first.iter().any(|q| (p[0] - q[0]).hypot(p[1] - q[1]) < 6.0);
+            assert!(near, "none of the first 40 lies near {p:?}");
+        }
+    }
+}

@@ -21,16 +21,18 @@ const CANAL_MM: f64 = 12.0;
 const WAY_MM: f64 = 3.0;
 /// How far the closing of a canal reaches into the open air before it, mm.
 const RIM_MM: f64 = 2.5;
+/// How far before a border the survey is asked, in cells.
+const STEPS_OUT: [f64; 4] = [2.1, 1.6, 1.1, 0.6];
 /// Chamfer steps of the walk into narrow air, in thirds of a cell.
 const STEPS: [u32; 4] = [0, 3, 4, 5];
 
 /// What lies on the far side of a border, as seen from the patient.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Side {
     /// Open air, or a shallow fold.
     Outside,
-    /// A nostril, an ear canal, the slit of a mouth.
-    Canal,
+    /// A nostril, an ear canal, the slit of a mouth; so many mm before the border.
+    Canal(f64),
     /// A cavity, or another body.
     Inside,
 }
@@ -83,16 +85,21 @@ impl Outside {
         Self { cells, open }
     }
 
+    /// How far before a border [`Self::beyond`] looks, mm.
+    pub(super) fn reach_mm(&self) -> f64 {
+        STEPS_OUT[0] * self.cells.edge
+    }
+
     /// What lies beyond a border at `p` whose outward normal is `n`.
     pub(super) fn beyond(&self, p: Vec3, n: Vec3) -> Side {
         let mut side = Side::Inside;
-        for step in [2.1, 1.6, 1.1, 0.6] {
+        for step in STEPS_OUT {
             if let Some(cell) = self.cells.at(add(p, scale(n, step * self.cells.edge))) {
                 match self.open[self.cells.offset(cell)] {
                     OPEN => side = Side::Outside,
                     // Next to the rim of a canal the canal decides.
-                    CANAL if step < 2.0 => return Side::Canal,
-                    CANAL => side = Side::Canal,
+                    CANAL if step < 2.0 => return Side::Canal(step * self.cells.edge),
+                    CANAL => side = Side::Canal(step * self.cells.edge),
                     ENCLOSED => side = Side::Inside,
                     _ => {}
                 }

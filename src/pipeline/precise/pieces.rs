@@ -122,3 +122,22 @@ fn root(parents: &mut [u32], mut i: u32) -> u32 {
     }
     i
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_that_share_a_face_hang_together_and_corners_do_not() {
+        // Two layers of 4 × 3: a ring in the first, joined through the second to a far cell.
+        let layers = ["##.#", "#..#", "##..", "....", "...#", "...."].concat().into_bytes();
+        let pieces = Pieces::of([4, 3, 2], |i| layers[i] == b'#');
+        assert_eq!(pieces.at(0, 0, 0), pieces.at(0, 2, 1), "round the corner");
+        assert_eq!(pieces.at(0, 0, 3), pieces.at(1, 1, 3), "through the layers");
+        assert_ne!(pieces.at(0, 0, 0), pieces.at(0, 0, 3));
+        assert_eq!(pieces.at(0, 0, 2), None);
+        let mut sizes = pieces.sizes().to_vec();
+        sizes.sort_unstable();
+        assert_eq!(sizes, [3, 5]);
+    }
+}

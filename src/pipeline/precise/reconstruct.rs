@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::agreement::{Agreement, Neighbourhood};
 use super::confidence::Confidence;
-use super::crossings::{self, Crossing, Doubtfulness};
+use super::crossings::{self, Crossing};
 use super::head::Head;
 use super::levels::Levels;
 use super::outside::Outside;
@@ -13,6 +13,7 @@ use super::quality::{Quality, QualityLimits, Verdict};
 use super::regions::Regions;
 use super::skin::{NoSkin, Skin, SkinPoint};
 use super::space::Space;
+use super::stretches::{StretchReason, rows};
 use super::width::Width;
 use super::{between, leaves, order};
 use crate::dicom::Volume;
@@ -58,12 +59,13 @@ pub fn reconstruct(
     crossings::refine_levels(&space, &width, &rough, &mut candidates);
     let regions = Regions::of(&candidates, &levels);
     let measured = crossings::measure(&space, &levels, &width, &regions, &candidates);
+    let slices = rows(&space, &candidates, &doubtful);
     drop(candidates);
     go_on(Stage::Coronal, 0.5)?;
     let accepted_mm2: f64 = measured.iter().map(|c| share_of_skin(&space, c.axis, c.normal)).sum();
     let rejected_mm2: f64 = doubtful
         .iter()
-        .filter(|d| d.reason != Doubtfulness::Canal)
+        .filter(|d| d.reason != StretchReason::Canal)
         .map(|d| share_of_skin(&space, d.axis, d.normal))
         .sum();
     let all = between::fill(&space, measured);
@@ -95,7 +97,7 @@ pub fn reconstruct(
     };
     quality.judge(limits);
     go_on(Stage::Downsampling, 1.0)?;
-    Ok(Skin { points, uniplanar, quality })
+    Ok(Skin { points, uniplanar, quality, slices })
 }
 
 /// What is needed to state a point's error.

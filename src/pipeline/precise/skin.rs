@@ -1,6 +1,7 @@
 //! What the profile gives: points of skin, or the reason why there are none.
 
 use super::quality::Quality;
+use super::stretches::SliceContour;
 use crate::geometry::{Plane, PlaneSet};
 
 /// A measured point of the skin.
@@ -25,6 +26,8 @@ pub struct Skin {
     pub uniplanar: [Vec<SkinPoint>; 3],
     /// How far it can be trusted.
     pub quality: Quality,
+    /// A row for every slice with any contour: axial, then sagittal, then coronal, by index.
+    pub slices: Vec<SliceContour>,
 }
 
 impl Skin {
