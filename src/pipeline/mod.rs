@@ -30,6 +30,7 @@ mod observer;
 mod outcome;
 pub mod parameters;
 mod picture;
+pub mod precise;
 pub mod radius_outlier;
 mod reconstruct;
 mod rejection;

@@ -1,0 +1,94 @@
+//! The couch and what else has the same cross-section in every slice: boards, holders, rails.
+
+use super::patient::Cell;
+use super::space::Space;
+use super::survey::Cells;
+
+/// A column along the table counts as filled if this share of it is.
+const SHARE: f64 = 0.97;
+/// A filled outline counts as couch if what stands next to its border is, on average along the
+/// table, empty to this share. (A head that the scan cuts above and below is filled too, but it
+/// slopes on from there.)
+const FREE_BORDER: f64 = 0.5;
+/// Shorter scans than this show too little of the table to tell, mm.
+const LEAST_LENGTH_MM: f64 = 60.0;
+
+/// Marks as [`Cell::Other`] the tissue that runs along the whole scan parallel to the table.
+#[expect(clippy::cast_precision_loss)]
+pub(super) fn mark(space: &Space, cells: &Cells, kinds: &mut [Cell]) {
+    let [nx, ny, nz] = cells.shape;
+    let layer = nx * ny;
+    let (mut seen, mut full) = (vec![0u32; layer], vec![0u32; layer]);
+    for z in 0..nz {
+        for i in 0..layer {
+            if space.contains(cells.centre([i % nx, i / nx, z])) {
+                seen[i] += 1;
+                full[i] += u32::from(kinds[z * layer + i] != Cell::Air);
+            }
+        }
+    }
+    let long = |i: usize| f64::from(seen[i]) * cells.edge >= LEAST_LENGTH_MM;
+    let share = |i: usize| f64::from(full[i]) / f64::from(seen[i].max(1));
+    let filled: Vec<bool> = (0..layer).map(|i| long(i) && share(i) >= SHARE).collect();
+    let emptiness = |i: usize| if long(i) { 1.0 - share(i) } else { 1.0 };
+    for outline in outlines(nx, ny, &filled) {
+        let (mut border, mut free) = (0usize, 0f64);
+        for &i in &outline {
+            let (x, y) = (i % nx, i / nx);
+            for (dx, dy) in [(-1isize, 0isize), (1, 0), (0, -1), (0, 1)] {
+                let step = |n: isize| {
+                    let (x, y) = (x.checked_add_signed(dx * n)?, y.checked_add_signed(dy * n)?);
+                    (x < nx && y < ny).then_some(y * nx + x)
+                };
+                if step(1).is_some_and(|j| filled[j]) {
+                    continue;
+                }
+                border += 1;
+                free += (1..=3).map(|n| step(n).map_or(1.0, emptiness)).fold(0.0, f64::max);
+            }
+        }
+        if free < FREE_BORDER * border as f64 {
+            continue;
+        }
+        for &i in &outline {
+            for z in 0..nz {
+                let kind = &mut kinds[z * layer + i];
+                if *kind == Cell::Patient {
+                    *kind = Cell::Other;
+                }
+            }
+        }
+    }
+}
+
+/// The connected outlines of a plane mask, each as a list of offsets.
+fn outlines(nx: usize, ny: usize, mask: &[bool]) -> Vec<Vec<usize>> {
+    let mut done = vec![false; mask.len()];
+    let mut found = Vec::new();
+    for first in 0..mask.len() {
+        if !mask[first] || done[first] {
+            continue;
+        }
+        done[first] = true;
+        let mut outline = vec![first];
+        let mut next = 0;
+        while next < outline.len() {
+            let (x, y) = (outline[next] % nx, outline[next] / nx);
+            next += 1;
+            let neighbours = [
+                (x > 0).then(|| y * nx + x - 1),
+                (x + 1 < nx).then(|| y * nx + x + 1),
+                (y > 0).then(|| (y - 1) * nx + x),
+                (y + 1 < ny).then(|| (y + 1) * nx + x),
+            ];
+            for j in neighbours.into_iter().flatten() {
+                if mask[j] && !done[j] {
+                    done[j] = true;
+                    outline.push(j);
+                }
+            }
+        }
+        found.push(outline);
+    }
+    found
+}

@@ -1,0 +1,48 @@
+//! The `precise` profile: the whole skin, in its true place, on any head CT.
+//!
+//! It keeps the paper's approach, three planes and a reason for what is left out, and replaces its
+//! fixed thresholds by what the scan itself shows, as the paper's section 5 proposes for future
+//! work. One file a step:
+//!
+//! | step | module |
+//! |---|---|
+//! | the scan as a field in mm | [`space`], [`levels`] |
+//! | cells for the search in 3D | [`survey`], [`distance`], [`pieces`] |
+//! | which tissue is the patient | [`couch`], [`patient`], [`head`] |
+//! | which border is skin | [`outside`] |
+//! | where exactly | [`crossings`], [`edge`], [`regions`], [`width`] |
+//! | between thick slices | [`between`] |
+//! | what was not accepted | [`stretches`] |
+//! | one point a leaf | [`leaves`], [`order`] |
+//! | how far to trust it | [`agreement`], [`confidence`], [`quality`] |
+
+mod agreement;
+mod between;
+mod confidence;
+mod couch;
+mod crossings;
+mod distance;
+mod edge;
+mod head;
+mod leaves;
+mod levels;
+mod order;
+mod outside;
+mod patient;
+mod pieces;
+mod quality;
+mod reconstruct;
+mod regions;
+mod skin;
+mod space;
+mod stretches;
+mod survey;
+mod width;
+
+pub use quality::{Doubt, Quality, QualityLimits, Verdict};
+pub use reconstruct::reconstruct;
+pub use skin::{BorderPoint, NoSkin, Skin, SkinPoint};
+pub use stretches::{SliceContour, Stretch, StretchReason};
+
+#[cfg(test)]
+mod tests;

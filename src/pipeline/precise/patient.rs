@@ -1,0 +1,243 @@
+//! Which tissue is the patient: told in 3D, by what hangs together and how thick it is.
+//!
+//! Opening with a ball leaves what is thick: the body. What the ball could not enter hangs on it
+//! in pieces: ears, nose and jaw are small; a holder, a couch, straps and tubes are long. Where a
+//! gap is seen between two bodies, however narrow, they are parted at the scan's full resolution.
+
+use super::couch;
+use super::distance::squared_distance;
+use super::levels::Levels;
+use super::pieces::Pieces;
+use super::space::Space;
+use super::survey::Cells;
+use crate::geometry::{Vec3, add, scale};
+
+/// A body must be thicker than twice this to count as the patient's own, mm.
+const BALL_MM: f64 = 5.0;
+/// What lies so close to the opened body belongs to it without further question, mm.
+const SKIN_MM: f64 = 1.5;
+/// A thin piece longer than this (diagonal of its box) is no ear, nose or jaw, mm.
+const LONGEST_PART_MM: f64 = 95.0;
+
+/// A long part is the patient's all the same (the walls of the sinuses) if so much of the view
+/// from it is the patient.
+const ENCLOSED: f64 = 0.65;
+/// How far that view goes, mm.
+const VIEW_MM: f64 = 60.0;
+/// From so many cells of a part it is taken.
+const VIEWPOINTS: u64 = 500;
+
+/// What a survey cell holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(u8)]
+pub(super) enum Cell {
+    #[default]
+    /// Air, padding, or something too thin to be seen as tissue.
+    Air,
+    /// The patient.
+    Patient,
+    /// Tissue or plastic that is not the patient.
+    Other,
+    /// A thin long piece that hangs on the patient: holder, couch, strap, tube.
+    Attached,
+}
+
+/// The patient in the survey's cells and in the scan's voxels.
+#[derive(Debug)]
+pub(super) struct Patient {
+    /// The survey's cells.
+    pub(super) cells: Cells,
+    /// What each holds.
+    pub(super) kinds: Vec<Cell>,
+    pieces: Pieces,
+    own: Vec<bool>,
+}
+
+impl Patient {
+    /// Finds the patient; `None` if nothing in the scan is thick enough to be one.
+    pub(super) fn find(space: &Space, levels: &Levels) -> Option<Self> {
+        let [nz, ny, nx] = space.shape;
+        #[expect(clippy::cast_possible_truncation)]
+        let upper = levels.upper().ceil() as i16;
+        let pieces = Pieces::of([nx, ny, nz], |o| space.hu[o] >= upper);
+        let cells = Cells::over(space);
+        let middle = levels.middle();
+        let mut kinds = cells.map(|p| match space.sample_index(space.clamped(p)) {
+            Some(v) if v >= middle => Cell::Patient,
+            _ => Cell::Air,
+        });
+        couch::mark(space, &cells, &mut kinds);
+        let limit = cells.squared(BALL_MM);
+        let depth = squared_distance(cells.shape, limit, |i| kinds[i] != Cell::Patient);
+        let inner = Pieces::of(cells.shape, |i| depth[i] == u16::MAX);
+        drop(depth);
+        #[expect(clippy::cast_possible_truncation)]
+        let main = (0..inner.sizes().len()).max_by_key(|&i| inner.sizes()[i])? as u32;
+        let mut core = vec![false; cells.len()];
+        let mut own = vec![false; pieces.sizes().len()];
+        each_cell(&cells, |offset, [x, y, z]| {
+            if inner.at(z, y, x) == Some(main) {
+                core[offset] = true;
+                if let Some(piece) = piece_at(space, &pieces, cells.centre([x, y, z])) {
+                    own[piece as usize] = true;
+                }
+            }
+        });
+        each_cell(&cells, |offset, cell| {
+            if kinds[offset] == Cell::Patient {
+                kinds[offset] = owner(space, &pieces, &own, cells.centre(cell), cells.edge);
+            }
+        });
+        let reach = cells.squared(BALL_MM + SKIN_MM);
+        let near = squared_distance(cells.shape, reach, |i| core[i]);
+        drop(core);
+        let mut patient = Self { cells, kinds, pieces, own };
+        patient.judge_parts(&near);
+        Some(patient)
+    }
+
+    /// Decides what the thin pieces on the body are.
+    fn judge_parts(&mut self, near: &[u16]) {
+        let kinds = &self.kinds;
+        let parts = Pieces::of(self.cells.shape, |i| kinds[i] == Cell::Patient && near[i] == u16::MAX);
+        let n = parts.sizes().len();
+        let (mut low, mut high) = (vec![[usize::MAX; 3]; n], vec![[0usize; 3]; n]);
+        let mut touches = vec![false; n];
+        let [nx, ny, nz] = self.cells.shape;
+        each_cell(&self.cells, |offset, cell| {
+            let [x, y, z] = cell;
+            if let Some(p) = parts.at(z, y, x) {
+                let p = p as usize;
+                for a in 0..3 {
+                    low[p][a] = low[p][a].min(cell[a]);
+                    high[p][a] = high[p][a].max(cell[a]);
+                }
+                let body = |o: usize| kinds[o] == Cell::Patient && near[o] != u16::MAX;
+                touches[p] |= (x > 0 && body(offset - 1))
+                    || (x + 1 < nx && body(offset + 1))
+                    || (y > 0 && body(offset - nx))
+                    || (y + 1 < ny && body(offset + nx))
+                    || (z > 0 && body(offset - nx * ny))
+                    || (z + 1 < nz && body(offset + nx * ny));
+            }
+        });
+        #[expect(clippy::cast_precision_loss)]
+        let diagonal = |p: usize| {
+            (0..3).map(|a| ((high[p][a] - low[p][a] + 1) as f64).powi(2)).sum::<f64>().sqrt()
+                * self.cells.edge
+        };
+        let verdict: Vec<Cell> = (0..n)
+            .map(|p| {
+                if !touches[p] {
+                    Cell::Other
+                } else if diagonal(p) > LONGEST_PART_MM && self.enclosure(&parts, p, near) < ENCLOSED {
+                    Cell::Attached
+                } else {
+                    Cell::Patient
+                }
+            })
+            .collect();
+        let mut changes = Vec::new();
+        each_cell(&self.cells, |offset, [x, y, z]| {
+            if let Some(p) = parts.at(z, y, x) {
+                changes.push((offset, verdict[p as usize]));
+            }
+        });
+        for (offset, kind) in changes {
+            self.kinds[offset] = kind;
+        }
+    }
+
+    /// How much of the view from a part is the body: the mean share of directions, over cells of
+    /// the part, in which a ray meets the body.
+    #[expect(clippy::cast_precision_loss)]
+    fn enclosure(&self, parts: &Pieces, part: usize, near: &[u16]) -> f64 {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let steps = (VIEW_MM / self.cells.edge) as isize;
+        let every = (parts.sizes()[part] / VIEWPOINTS).max(1);
+        let (mut seen, mut met, mut rays) = (0u64, 0u64, 0u64);
+        each_cell(&self.cells, |_, cell| {
+            let [x, y, z] = cell;
+            if parts.at(z, y, x).is_none_or(|p| p as usize != part) {
+                return;
+            }
+            seen += 1;
+            if seen % every != 0 {
+                return;
+            }
+            for direction in directions() {
+                rays += 1;
+                met += u64::from((1..=steps).any(|n| self.is_body(cell, direction, n, near)));
+            }
+        });
+        met as f64 / rays.max(1) as f64
+    }
+
+    fn is_body(&self, cell: [usize; 3], direction: [isize; 3], n: isize, near: &[u16]) -> bool {
+        let mut at = [0; 3];
+        for a in 0..3 {
+            match cell[a].checked_add_signed(direction[a] * n) {
+                Some(v) if v < self.cells.shape[a] => at[a] = v,
+                _ => return false,
+            }
+        }
+        let offset = self.cells.offset(at);
+        self.kinds[offset] == Cell::Patient && near[offset] != u16::MAX
+    }
+
+    /// Whether the first clear tissue behind a border at `p` with the outward normal `n` is the
+    /// patient's own; `None` if there is none.
+    pub(super) fn owns(&self, space: &Space, p: Vec3, n: Vec3) -> Option<bool> {
+        [0.5, 1.0, 1.5, 2.0]
+            .into_iter()
+            .find_map(|d| piece_at(space, &self.pieces, add(p, scale(n, -d))))
+            .map(|piece| self.own[piece as usize])
+    }
+}
+
+/// The 26 directions to a cell's neighbours.
+fn directions() -> impl Iterator<Item = [isize; 3]> {
+    (0..27).map(|i| [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1]).filter(|d| *d != [0; 3])
+}
+
+/// Calls `f` with the offset and the index of every cell, in order.
+pub(super) fn each_cell(cells: &Cells, mut f: impl FnMut(usize, [usize; 3])) {
+    let [nx, ny, nz] = cells.shape;
+    let mut offset = 0;
+    for z in 0..nz {
+        for y in 0..ny {
+            for x in 0..nx {
+                f(offset, [x, y, z]);
+                offset += 1;
+            }
+        }
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+fn piece_at(space: &Space, pieces: &Pieces, p: Vec3) -> Option<u32> {
+    let [z, y, x] = space.clamped(p).map(|v| v.round() as usize);
+    pieces.at(z, y, x)
+}
+
+/// What a cell with some tissue in it is: the body's if any clear tissue in it is.
+fn owner(space: &Space, pieces: &Pieces, own: &[bool], centre: Vec3, edge: f64) -> Cell {
+    let mut found = Cell::Air;
+    let r = 0.6 * edge;
+    for d in [
+        [0.0; 3],
+        [r, 0.0, 0.0],
+        [-r, 0.0, 0.0],
+        [0.0, r, 0.0],
+        [0.0, -r, 0.0],
+        [0.0, 0.0, r],
+        [0.0, 0.0, -r],
+    ] {
+        match piece_at(space, pieces, add(centre, d)) {
+            Some(piece) if own[piece as usize] => return Cell::Patient,
+            Some(_) => found = Cell::Other,
+            None => {}
+        }
+    }
+    found
+}

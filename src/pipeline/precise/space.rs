@@ -1,0 +1,189 @@
+//! The volume as a continuous field: where an index is in the patient, and what the scan shows at
+//! a place.
+
+use crate::dicom::Volume;
+use crate::geometry::{Axis, Vec3, add, cross, dot, norm, normalised, scale, sub};
+
+/// Read access to a volume by voxel, by fractional index and by place in LPS mm.
+///
+/// Between two slices positions are interpolated linearly, so that tilt (a shear) and variable
+/// spacing are exact at every slice.
+#[derive(Debug)]
+pub(super) struct Space<'a> {
+    /// Hounsfield units, x fastest.
+    pub(super) hu: &'a [i16],
+    /// `[nz, ny, nx]`.
+    pub(super) shape: [usize; 3],
+    slice_axis: usize,
+    in_plane: [usize; 2],
+    origins: &'a [Vec3],
+    step: [Vec3; 3],
+    normal: Vec3,
+    /// Place of each slice along `normal`, mm; ascending.
+    heights: Vec<f64>,
+    /// Reciprocal vectors of the two in-plane steps.
+    reciprocal: [Vec3; 2],
+}
+
+impl<'a> Space<'a> {
+    /// `None` for a volume with fewer than two voxels along an axis, or one whose voxels have no
+    /// extent.
+    pub(super) fn new(volume: &'a Volume) -> Option<Self> {
+        let hu = volume.hu.as_slice()?;
+        let grid = &volume.grid;
+        let shape = grid.shape();
+        if shape.iter().any(|&n| n < 2) {
+            return None;
+        }
+        let slice_axis = grid.slice_axis() as usize;
+        let in_plane = match grid.slice_axis() {
+            Axis::Z => [1, 2],
+            Axis::Y => [0, 2],
+            Axis::X => [0, 1],
+        };
+        let step = *grid.step();
+        let [a, b] = in_plane.map(|i| step[i]);
+        let mut normal = normalised(cross(a, b))?;
+        if dot(normal, step[slice_axis]) < 0.0 {
+            normal = scale(normal, -1.0);
+        }
+        let origins = grid.slice_origins();
+        let heights: Vec<f64> = origins.iter().map(|&o| dot(o, normal)).collect();
+        if heights.windows(2).any(|w| w[1] <= w[0]) {
+            return None;
+        }
+        let up = cross(a, b);
+        let area = dot(up, up);
+        let reciprocal = [scale(cross(b, up), 1.0 / area), scale(cross(up, a), 1.0 / area)];
+        Some(Self { hu, shape, slice_axis, in_plane, origins, step, normal, heights, reciprocal })
+    }
+
+    /// Offset of a voxel in [`Self::hu`].
+    #[inline]
+    pub(super) fn offset(&self, [z, y, x]: [usize; 3]) -> usize {
+        (z * self.shape[1] + y) * self.shape[2] + x
+    }
+
+    /// Offset of one step along an axis.
+    #[inline]
+    pub(super) fn stride(&self, axis: usize) -> usize {
+        [self.shape[1] * self.shape[2], self.shape[2], 1][axis]
+    }
+
+    /// Hounsfield units of a voxel.
+    #[inline]
+    pub(super) fn voxel(&self, index: [usize; 3]) -> f32 {
+        f32::from(self.hu[self.offset(index)])
+    }
+
+    /// Index of the axis along which the slices were acquired.
+    pub(super) fn slice_axis(&self) -> usize {
+        self.slice_axis
+    }
+
+    /// Unit vector from the first slice to the last, at right angles to the slices.
+    pub(super) fn slice_normal(&self) -> Vec3 {
+        self.normal
+    }
+
+    /// mm between two neighbouring voxels along `axis`, from `index` to `index + 1` there.
+    #[inline]
+    pub(super) fn spacing(&self, axis: usize, index: usize) -> f64 {
+        norm(self.step_at(axis, index))
+    }
+
+    /// The step from `index` to `index + 1` along `axis`, mm (the last one again beyond the end).
+    #[inline]
+    pub(super) fn step_at(&self, axis: usize, index: usize) -> Vec3 {
+        if axis == self.slice_axis {
+            let k = index.min(self.origins.len() - 2);
+            sub(self.origins[k + 1], self.origins[k])
+        } else {
+            self.step[axis]
+        }
+    }
+
+    /// The mean step along an axis, mm.
+    pub(super) fn mean_step(&self, axis: usize) -> Vec3 {
+        self.step[axis]
+    }
+
+    /// LPS mm of a fractional index `[z, y, x]`; beyond the volume the last step goes on.
+    #[inline]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
+    pub(super) fn lps(&self, index: [f64; 3]) -> Vec3 {
+        let s = index[self.slice_axis];
+        let k = (s.floor().max(0.0) as usize).min(self.origins.len() - 2);
+        let t = s - k as f64;
+        let p = add(self.origins[k], scale(sub(self.origins[k + 1], self.origins[k]), t));
+        let [a, b] = self.in_plane;
+        add(p, add(scale(self.step[a], index[a]), scale(self.step[b], index[b])))
+    }
+
+    /// Fractional index `[z, y, x]` of a place; outside the volume too.
+    #[inline]
+    #[expect(clippy::cast_precision_loss)]
+    pub(super) fn index(&self, p: Vec3) -> [f64; 3] {
+        let h = dot(p, self.normal);
+        let k = self.heights.partition_point(|&v| v <= h).clamp(1, self.heights.len() - 1) - 1;
+        let t = (h - self.heights[k]) / (self.heights[k + 1] - self.heights[k]);
+        let origin = add(self.origins[k], scale(sub(self.origins[k + 1], self.origins[k]), t));
+        let r = sub(p, origin);
+        let mut index = [0.0; 3];
+        index[self.slice_axis] = k as f64 + t;
+        index[self.in_plane[0]] = dot(r, self.reciprocal[0]);
+        index[self.in_plane[1]] = dot(r, self.reciprocal[1]);
+        index
+    }
+
+    /// Hounsfield units at a place, trilinear; `None` outside the voxel centres.
+    #[inline]
+    pub(super) fn sample(&self, p: Vec3) -> Option<f32> {
+        self.sample_index(self.index(p))
+    }
+
+    /// The nearest place within the volume, as a fractional index.
+    #[inline]
+    #[expect(clippy::cast_precision_loss)]
+    pub(super) fn clamped(&self, p: Vec3) -> [f64; 3] {
+        let index = self.index(p);
+        std::array::from_fn(|a| index[a].clamp(0.0, (self.shape[a] - 1) as f64))
+    }
+
+    /// Whether a place lies between the volume's outermost voxel centres.
+    #[inline]
+    #[expect(clippy::cast_precision_loss)]
+    pub(super) fn contains(&self, p: Vec3) -> bool {
+        let index = self.index(p);
+        (0..3).all(|a| index[a] >= 0.0 && index[a] <= (self.shape[a] - 1) as f64)
+    }
+
+    /// Hounsfield units at a fractional index, trilinear; `None` outside the voxel centres.
+    #[inline]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
+    pub(super) fn sample_index(&self, index: [f64; 3]) -> Option<f32> {
+        let mut base = [0usize; 3];
+        let mut t = [0f32; 3];
+        for axis in 0..3 {
+            let v = index[axis];
+            let last = (self.shape[axis] - 1) as f64;
+            if !(v >= 0.0 && v <= last) {
+                return None;
+            }
+            base[axis] = (v as usize).min(self.shape[axis] - 2);
+            t[axis] = (v - base[axis] as f64) as f32;
+        }
+        let o = self.offset(base);
+        let (sz, sy) = (self.stride(0), self.stride(1));
+        let row = |o: usize| {
+            let (a, b) = (f32::from(self.hu[o]), f32::from(self.hu[o + 1]));
+            a + (b - a) * t[2]
+        };
+        let plane = |o: usize| {
+            let (a, b) = (row(o), row(o + sy));
+            a + (b - a) * t[1]
+        };
+        let (a, b) = (plane(o), plane(o + sz));
+        Some(a + (b - a) * t[0])
+    }
+}

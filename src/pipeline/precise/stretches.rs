@@ -1,0 +1,146 @@
+//! The report on every slice: how much of its contour is accepted, and which stretches of it are
+//! not. A bad spot costs its own stretch, not the slice.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::crossings::{Candidate, Doubtful};
+use super::space::Space;
+use crate::geometry::{Plane, Vec3, dot, norm, sub};
+
+/// Why a stretch of contour was not accepted.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum StretchReason {
+    /// Another body touches the skin, or something hangs on it.
+    Touching,
+    /// The image ends here.
+    FieldOfView,
+    /// The rim of a nostril, an ear canal or the mouth: behind it is inside.
+    Canal,
+}
+
+/// A stretch of a slice's contour that was not accepted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Stretch {
+    /// Why.
+    pub reason: StretchReason,
+    /// Its length along the contour, mm.
+    pub length_mm: f64,
+    /// What was measured where it was measured worst: mm to the other body or to the canal, HU of
+    /// the voxel outside the image.
+    pub measured: f64,
+    /// The limit it was held against, in the same unit.
+    pub limit: f64,
+}
+
+/// What became of a slice's contour.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct SliceContour {
+    /// The plane.
+    pub plane: Plane,
+    /// Index within the plane.
+    pub index: usize,
+    /// Accepted contour, mm.
+    pub accepted_mm: f64,
+    /// The rest.
+    pub rejected: Vec<Stretch>,
+}
+
+/// Points of a contour further apart than so many voxels do not hang together.
+const APART: f64 = 2.5;
+
+/// A row for every slice that shows any contour: axial, then sagittal, then coronal, by index.
+pub(super) fn rows(space: &Space, candidates: &[Candidate], doubtful: &[Doubtful]) -> Vec<SliceContour> {
+    let mut accepted: BTreeMap<(Plane, u16), f64> = BTreeMap::new();
+    let mut rejected: BTreeMap<(Plane, u16), Vec<&Doubtful>> = BTreeMap::new();
+    for c in candidates {
+        for plane in planes_of(c.axis) {
+            *accepted.entry((plane, c.inner[across(plane)])).or_default() += length(space, plane, c.normal);
+        }
+    }
+    for d in doubtful {
+        for plane in planes_of(d.axis) {
+            let key = (plane, d.inner[across(plane)]);
+            accepted.entry(key).or_default();
+            rejected.entry(key).or_default().push(d);
+        }
+    }
+    accepted
+        .into_iter()
+        .map(|((plane, index), accepted_mm)| SliceContour {
+            plane,
+            index: usize::from(index),
+            accepted_mm,
+            rejected: rejected.get(&(plane, index)).map_or_else(Vec::new, |d| stretches(space, plane, d)),
+        })
+        .collect()
+}
+
+/// The array axis along which a plane's slices are counted.
+fn across(plane: Plane) -> usize {
+    match plane {
+        Plane::Axial => 0,
+        Plane::Coronal => 1,
+        Plane::Sagittal => 2,
+    }
+}
+
+/// The two planes that a line along an axis lies in.
+fn planes_of(axis: u8) -> impl Iterator<Item = Plane> {
+    Plane::ALL.into_iter().filter(move |&p| across(p) != usize::from(axis))
+}
+
+/// The length of contour that one crossing stands for: in a slice, a contour of unit length with
+/// the normal n crosses |nₐ| / sₐ + |n_b| / s_b lines.
+fn length(space: &Space, plane: Plane, normal: Vec3) -> f64 {
+    let in_plane = (0..3).filter(|&a| a != across(plane)).map(|a| {
+        let step = space.mean_step(a);
+        let spacing = norm(step);
+        (dot(normal, step).abs() / spacing, spacing)
+    });
+    let (mut square, mut lines) = (0.0, 0.0);
+    for (n, spacing) in in_plane {
+        square += n * n;
+        lines += n / spacing;
+    }
+    if lines > 0.0 { f64::sqrt(square) / lines } else { 0.0 }
+}
+
+/// Chains the rejected crossings of one slice.
+fn stretches(space: &Space, plane: Plane, rejected: &[&Doubtful]) -> Vec<Stretch> {
+    let reach =
+        APART * (0..3).filter(|&a| a != across(plane)).map(|a| norm(space.mean_step(a))).fold(0.0, f64::max);
+    let mut done = vec![false; rejected.len()];
+    let mut found = Vec::new();
+    for first in 0..rejected.len() {
+        if done[first] {
+            continue;
+        }
+        done[first] = true;
+        let reason = rejected[first].reason;
+        let mut chain = vec![first];
+        let mut next = 0;
+        while next < chain.len() {
+            let here = rejected[chain[next]].place;
+            next += 1;
+            for (i, other) in rejected.iter().enumerate() {
+                if !done[i] && other.reason == reason && norm(sub(other.place, here)) <= reach {
+                    done[i] = true;
+                    chain.push(i);
+                }
+            }
+        }
+        let measured = chain.iter().map(|&i| rejected[i].measured).fold(f64::INFINITY, f64::min);
+        found.push(Stretch {
+            reason,
+            length_mm: chain.iter().map(|&i| length(space, plane, rejected[i].normal)).sum(),
+            measured,
+            limit: rejected[first].limit,
+        });
+    }
+    found
+}

@@ -1,0 +1,137 @@
+//! The whole profile on phantoms whose skin is known.
+
+use super::{Doubt, NoSkin, QualityLimits, Skin, Verdict, reconstruct};
+use crate::geometry::{Plane, dot};
+use crate::phantom::{Options, Phantom};
+use crate::pipeline::Silent;
+
+/// A scan that is quick to make and to read: 0.9 mm pixels, 2 mm slices.
+fn options() -> Options {
+    Options {
+        columns: 256,
+        rows: 256,
+        column_mm: 0.9,
+        row_mm: 0.9,
+        slices: 90,
+        slice_mm: 2.0,
+        ..Options::default()
+    }
+}
+
+fn run(options: Options, leaf: f64) -> (Phantom, Result<Skin, NoSkin>) {
+    let phantom = Phantom::new(options).expect("the options are in range");
+    let skin = reconstruct(&phantom.volume(), leaf, &QualityLimits::default(), &Silent);
+    (phantom, skin)
+}
+
+fn errors(phantom: &Phantom, skin: &Skin) -> Vec<f64> {
+    skin.points.iter().map(|p| phantom.signed_distance(p.place.map(f64::from))).collect()
+}
+
+#[expect(clippy::cast_precision_loss)]
+fn rms(errors: &[f64]) -> f64 {
+    (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
+}
+
+#[test]
+fn the_skin_lies_in_its_true_place() {
+    let (phantom, skin) = run(options(), 1.0);
+    let skin = skin.expect("a head");
+    let errors = errors(&phantom, &skin);
+    let near: Vec<f64> = errors.iter().copied().filter(|e| e.abs() < 3.0).collect();
+    #[expect(clippy::cast_precision_loss)]
+    let (stray, bias) =
+        (1.0 - near.len() as f64 / errors.len() as f64, near.iter().sum::<f64>() / near.len() as f64);
+    assert!(stray < 0.002, "{stray} of the points are no skin");
+    assert!(rms(&near) < 0.15, "rms {} mm", rms(&near));
+    assert!(bias.abs() < 0.03, "bias {bias} mm");
+    let truth = phantom.skin_points(3.0);
+    let covered = truth
+        .iter()
+        .filter(|t| {
+            skin.points
+                .iter()
+                .any(|p| (0..3).map(|a| (f64::from(p.place[a]) - t[a]).powi(2)).sum::<f64>() < 1.0)
+        })
+        .count();
+    assert!(
+        covered * 100 >= truth.len() * 95,
+        "only {covered} of {} spots of skin have a point",
+        truth.len()
+    );
+}
+
+#[test]
+fn normals_point_outward_and_the_stated_error_is_honest() {
+    let (phantom, skin) = run(Options { yaw_deg: 10.0, pitch_deg: -8.0, ..options() }, 1.0);
+    let skin = skin.expect("a head");
+    let aligned = skin
+        .points
+        .iter()
+        .filter(|p| dot(p.normal.map(f64::from), phantom.normal(p.place.map(f64::from))) > 0.94)
+        .count();
+    assert!(aligned * 100 > skin.points.len() * 97, "{aligned} of {} normals", skin.points.len());
+    let mut stated: Vec<(f64, f64)> = skin
+        .points
+        .iter()
+        .map(|p| (f64::from(p.error), phantom.signed_distance(p.place.map(f64::from))))
+        .filter(|e| e.1.abs() < 3.0)
+        .collect();
+    stated.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = stated.len() / 2;
+    let (sure, unsure) = stated.split_at(half);
+    let true_rms = |part: &[(f64, f64)]| rms(&part.iter().map(|e| e.1).collect::<Vec<f64>>());
+    let said = |part: &[(f64, f64)]| rms(&part.iter().map(|e| e.0).collect::<Vec<f64>>());
+    for part in [sure, unsure] {
+        let ratio = true_rms(part) / said(part);
+        assert!((0.5..2.0).contains(&ratio), "true error is {ratio} times the stated one");
+    }
+    assert!(true_rms(sure) < true_rms(unsure), "surer points are no better");
+}
+
+#[test]
+fn a_tilted_gantry_changes_nothing_but_the_slices() {
+    let (phantom, skin) = run(Options { tilt_deg: 15.0, slices: 110, top_mm: 100.0, ..options() }, 1.0);
+    let errors = errors(&phantom, &skin.expect("a head"));
+    let near: Vec<f64> = errors.iter().copied().filter(|e| e.abs() < 3.0).collect();
+    assert!(rms(&near) < 0.2, "rms {} mm", rms(&near));
+}
+
+#[test]
+fn the_same_on_any_number_of_threads() {
+    let phantom = Phantom::new(options()).expect("the options are in range");
+    let volume = phantom.volume();
+    let [one, four] = [1, 4].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent)).expect("a head")
+    });
+    assert_eq!(one.points, four.points);
+    assert_eq!(one.quality, four.quality);
+    assert_eq!(one.slices, four.slices);
+}
+
+#[test]
+fn a_neck_without_its_head_ends_with_a_reason() {
+    let (_, skin) = run(Options { top_mm: -85.0, slices: 40, ..options() }, 1.0);
+    let error = skin.expect_err("there is no head");
+    assert!(matches!(error, NoSkin::NoHead { .. }), "{error}");
+}
+
+#[test]
+fn a_head_cut_by_the_first_slice_is_limited() {
+    let (_, skin) = run(Options { top_mm: 50.0, slices: 75, ..options() }, 1.0);
+    let quality = skin.expect("a head").quality;
+    assert_eq!(quality.verdict, Verdict::Limited);
+    assert!(quality.doubts.contains(&Doubt::CutAbove), "{:?}", quality.doubts);
+}
+
+#[test]
+fn each_plane_has_its_own_cloud_and_every_slice_its_row() {
+    let (_, skin) = run(options(), 2.0);
+    let skin = skin.expect("a head");
+    for plane in Plane::ALL {
+        assert!(skin.of(plane).len() * 2 > skin.points.len(), "{plane:?}");
+        let rows = skin.slices.iter().filter(|s| s.plane == plane && s.accepted_mm > 100.0).count();
+        assert!(rows > 50, "{plane:?} has {rows} rows");
+    }
+}
