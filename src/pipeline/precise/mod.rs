@@ -8,7 +8,7 @@
 //! |---|---|
 //! | the scan as a field in mm | [`space`], [`levels`] |
 //! | cells for the search in 3D | [`survey`], [`distance`], [`pieces`] |
-//! | which tissue is the patient | [`couch`], [`patient`], [`head`] |
+//! | which tissue is the patient | [`couch`], [`patient`], [`enclosure`], [`sheets`], [`head`] |
 //! | which border is skin | [`outside`] |
 //! | where exactly | [`crossings`], [`edge`], [`regions`], [`width`] |
 //! | between thick slices | [`between`] |
@@ -23,6 +23,7 @@ mod couch;
 mod crossings;
 mod distance;
 mod edge;
+mod enclosure;
 mod head;
 mod leaves;
 mod levels;
@@ -33,6 +34,7 @@ mod pieces;
 mod quality;
 mod reconstruct;
 mod regions;
+mod sheets;
 mod skin;
 mod space;
 mod stretches;

@@ -2,7 +2,10 @@
 
 use std::collections::HashMap;
 
+use rayon::prelude::*;
+
 use super::distance::squared_distance;
+use super::enclosure::enclosure;
 use super::patient::{Cell, Patient, each_cell};
 use super::pieces::Pieces;
 use super::space::Space;
@@ -11,6 +14,8 @@ use crate::geometry::{Vec3, add, scale};
 
 /// The ball that air outside lets pass, mm.
 const BALL_MM: f64 = 4.0;
+/// Air behind what hangs on the patient is outside if less of the view from it is the patient.
+const ENCLOSURE: f64 = 0.8;
 /// How far beyond the ball's reach a fold is still skin, mm (nostrils and ear canals deeper than
 /// that are inside).
 const FOLD_MM: f64 = 5.0;
@@ -49,41 +54,78 @@ const OPEN: u8 = 1;
 const CANAL: u8 = 2;
 const ENCLOSED: u8 = 3;
 
-impl Outside {
-    /// Walks in from the sides of the scan. Another body lets pass; what hangs on the patient does
-    /// not, for behind it nobody can tell a fold from a gap.
+/// The air that a ball reaches from the sides of the scan.
+#[derive(Debug)]
+pub(super) struct Open {
+    cells: Cells,
+    open: Vec<u8>,
+}
+
+impl Open {
+    /// Walks in from the sides of the scan. Another body lets pass, and so does what hangs on the
+    /// patient, for the skin behind it is skin where a gap shows it; but not into the body.
     pub(super) fn find(space: &Space, patient: &Patient) -> Self {
-        let cells = patient.cells;
-        let solid = |i: usize| matches!(patient.kinds[i], Cell::Patient | Cell::Attached);
-        let limit = cells.squared(BALL_MM);
-        let distance = squared_distance(cells.shape, limit, solid);
-        let free = Pieces::of(cells.shape, |i| distance[i] == u16::MAX);
-        drop(distance);
-        let reached = reached_from_the_sides(space, &cells, &free);
-        let mut ball = vec![false; cells.len()];
-        for z in 0..cells.shape[2] {
-            for y in 0..cells.shape[1] {
-                for run in free.row(z, y).iter().filter(|r| reached[r.piece as usize]) {
-                    let base = cells.offset([0, y, z]);
-                    ball[base + run.start as usize..base + run.end as usize].fill(true);
+        let (cells, kinds) = (patient.cells, &patient.kinds);
+        let mut open = flood(space, &cells, |i| matches!(kinds[i], Cell::Patient | Cell::Attached));
+        if kinds.contains(&Cell::Attached) {
+            let through = flood(space, &cells, |i| kinds[i] == Cell::Patient);
+            open.par_iter_mut().zip(through).enumerate().for_each(|(i, (open, through))| {
+                let solid = kinds[i] == Cell::Patient;
+                if solid != (*open == SOLID) {
+                    *open = ENCLOSED;
                 }
+                let opened = *open == ENCLOSED && through == OPEN;
+                if opened && enclosure(&cells, i, |j| kinds[j] == Cell::Patient) < ENCLOSURE {
+                    *open = OPEN;
+                }
+            });
+        }
+        Self { cells, open }
+    }
+
+    /// Whether a survey cell is air outside.
+    pub(super) fn is_open(&self, cell: usize) -> bool {
+        self.open[cell] == OPEN
+    }
+}
+
+/// What a ball reaches from the sides of the scan past what is solid.
+fn flood(space: &Space, cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<u8> {
+    let distance = squared_distance(cells.shape, cells.squared(BALL_MM), &solid);
+    let free = Pieces::of(cells.shape, |i| distance[i] == u16::MAX);
+    drop(distance);
+    let reached = reached_from_the_sides(space, cells, &free);
+    let mut ball = vec![false; cells.len()];
+    for z in 0..cells.shape[2] {
+        for y in 0..cells.shape[1] {
+            for run in free.row(z, y).iter().filter(|r| reached[r.piece as usize]) {
+                let base = cells.offset([0, y, z]);
+                ball[base + run.start as usize..base + run.end as usize].fill(true);
             }
         }
-        let swept = squared_distance(cells.shape, cells.squared(BALL_MM + 0.5 * cells.edge), |i| ball[i]);
-        let mut open: Vec<u8> = (0..cells.len())
-            .map(|i| {
-                if solid(i) {
-                    SOLID
-                } else if swept[i] == u16::MAX {
-                    ENCLOSED
-                } else {
-                    OPEN
-                }
-            })
-            .collect();
+    }
+    let swept = squared_distance(cells.shape, cells.squared(BALL_MM + 0.5 * cells.edge), |i| ball[i]);
+    let state = |i: usize| {
+        if solid(i) {
+            SOLID
+        } else if swept[i] == u16::MAX {
+            ENCLOSED
+        } else {
+            OPEN
+        }
+    };
+    (0..cells.len()).into_par_iter().map(state).collect()
+}
+
+impl Outside {
+    /// The open air, and of the narrow air beside it what is a fold of the skin and what a canal.
+    pub(super) fn find(space: &Space, patient: &Patient) -> Self {
+        let Open { cells, mut open } = Open::find(space, patient);
         close_canals(&cells, &mut open);
         Self { cells, open }
     }
+
+    pub(super) fn debug(&self) -> &[u8] { &self.open } // DEBUG
 
     /// How far before a border [`Self::beyond`] looks, mm.
     pub(super) fn reach_mm(&self) -> f64 {

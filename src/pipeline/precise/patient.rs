@@ -6,8 +6,11 @@
 
 use super::couch;
 use super::distance::squared_distance;
+use super::enclosure::enclosure;
 use super::levels::Levels;
+use super::outside::Open;
 use super::pieces::Pieces;
+use super::sheets;
 use super::space::Space;
 use super::survey::Cells;
 use crate::geometry::{Vec3, add, scale};
@@ -19,13 +22,9 @@ const SKIN_MM: f64 = 1.5;
 /// A thin piece longer than this (diagonal of its box) is no ear, nose or jaw, mm.
 const LONGEST_PART_MM: f64 = 95.0;
 
-/// A long part is the patient's all the same (the walls of the sinuses) if so much of the view
-/// from it is the patient.
+/// Where so much of the view from a long part is the patient, it is the patient's all the same:
+/// the walls of the sinuses and of the mastoid's cells.
 const ENCLOSED: f64 = 0.65;
-/// How far that view goes, mm.
-const VIEW_MM: f64 = 60.0;
-/// From so many cells of a part it is taken.
-const VIEWPOINTS: u64 = 500;
 
 /// What a survey cell holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -92,6 +91,8 @@ impl Patient {
         let near = squared_distance(cells.shape, reach, |i| core[i]);
         drop(core);
         let mut patient = Self { cells, kinds, pieces, own };
+        let open = Open::find(space, &patient);
+        sheets::peel(space, levels, &patient.cells, &mut patient.kinds, |i| open.is_open(i));
         patient.judge_parts(&near);
         Some(patient)
     }
@@ -126,63 +127,22 @@ impl Patient {
             (0..3).map(|a| ((high[p][a] - low[p][a] + 1) as f64).powi(2)).sum::<f64>().sqrt()
                 * self.cells.edge
         };
-        let verdict: Vec<Cell> = (0..n)
-            .map(|p| {
-                if !touches[p] {
-                    Cell::Other
-                } else if diagonal(p) > LONGEST_PART_MM && self.enclosure(&parts, p, near) < ENCLOSED {
-                    Cell::Attached
-                } else {
-                    Cell::Patient
-                }
-            })
-            .collect();
+        let body = |o: usize| kinds[o] == Cell::Patient && near[o] != u16::MAX;
         let mut changes = Vec::new();
-        each_cell(&self.cells, |offset, [x, y, z]| {
+        each_cell(&self.cells, |offset, cell| {
+            let [x, y, z] = cell;
             if let Some(p) = parts.at(z, y, x) {
-                changes.push((offset, verdict[p as usize]));
+                let p = p as usize;
+                if !touches[p] {
+                    changes.push((offset, Cell::Other));
+                } else if diagonal(p) > LONGEST_PART_MM && enclosure(&self.cells, offset, body) < ENCLOSED {
+                    changes.push((offset, Cell::Attached));
+                }
             }
         });
         for (offset, kind) in changes {
             self.kinds[offset] = kind;
         }
-    }
-
-    /// How much of the view from a part is the body: the mean share of directions, over cells of
-    /// the part, in which a ray meets the body.
-    #[expect(clippy::cast_precision_loss)]
-    fn enclosure(&self, parts: &Pieces, part: usize, near: &[u16]) -> f64 {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let steps = (VIEW_MM / self.cells.edge) as isize;
-        let every = (parts.sizes()[part] / VIEWPOINTS).max(1);
-        let (mut seen, mut met, mut rays) = (0u64, 0u64, 0u64);
-        each_cell(&self.cells, |_, cell| {
-            let [x, y, z] = cell;
-            if parts.at(z, y, x).is_none_or(|p| p as usize != part) {
-                return;
-            }
-            seen += 1;
-            if seen % every != 0 {
-                return;
-            }
-            for direction in directions() {
-                rays += 1;
-                met += u64::from((1..=steps).any(|n| self.is_body(cell, direction, n, near)));
-            }
-        });
-        met as f64 / rays.max(1) as f64
-    }
-
-    fn is_body(&self, cell: [usize; 3], direction: [isize; 3], n: isize, near: &[u16]) -> bool {
-        let mut at = [0; 3];
-        for a in 0..3 {
-            match cell[a].checked_add_signed(direction[a] * n) {
-                Some(v) if v < self.cells.shape[a] => at[a] = v,
-                _ => return false,
-            }
-        }
-        let offset = self.cells.offset(at);
-        self.kinds[offset] == Cell::Patient && near[offset] != u16::MAX
     }
 
     /// Whether the first clear tissue behind a border at `p` with the outward normal `n` is the
@@ -193,11 +153,6 @@ impl Patient {
             .find_map(|d| piece_at(space, &self.pieces, add(p, scale(n, -d))))
             .map(|piece| self.own[piece as usize])
     }
-}
-
-/// The 26 directions to a cell's neighbours.
-fn directions() -> impl Iterator<Item = [isize; 3]> {
-    (0..27).map(|i| [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1]).filter(|d| *d != [0; 3])
 }
 
 /// Calls `f` with the offset and the index of every cell, in order.

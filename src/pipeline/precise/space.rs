@@ -21,6 +21,7 @@ pub(super) struct Space<'a> {
     normal: Vec3,
     /// Place of each slice along `normal`, mm; ascending.
     heights: Vec<f64>,
+    slices_per_mm: f64,
     /// Reciprocal vectors of the two in-plane steps.
     reciprocal: [Vec3; 2],
 }
@@ -52,10 +53,12 @@ impl<'a> Space<'a> {
         if heights.windows(2).any(|w| w[1] <= w[0]) {
             return None;
         }
+        #[expect(clippy::cast_precision_loss)]
+        let slices_per_mm = (heights.len() - 1) as f64 / (heights[heights.len() - 1] - heights[0]);
         let up = cross(a, b);
         let area = dot(up, up);
         let reciprocal = [scale(cross(b, up), 1.0 / area), scale(cross(up, a), 1.0 / area)];
-        Some(Self { hu, shape, slice_axis, in_plane, origins, step, normal, heights, reciprocal })
+        Some(Self { hu, shape, slice_axis, in_plane, origins, step, normal, heights, slices_per_mm, reciprocal })
     }
 
     /// Offset of a voxel in [`Self::hu`].
@@ -125,7 +128,7 @@ impl<'a> Space<'a> {
     #[expect(clippy::cast_precision_loss)]
     pub(super) fn index(&self, p: Vec3) -> [f64; 3] {
         let h = dot(p, self.normal);
-        let k = self.heights.partition_point(|&v| v <= h).clamp(1, self.heights.len() - 1) - 1;
+        let k = self.slice_below(h);
         let t = (h - self.heights[k]) / (self.heights[k + 1] - self.heights[k]);
         let origin = add(self.origins[k], scale(sub(self.origins[k + 1], self.origins[k]), t));
         let r = sub(p, origin);
@@ -134,6 +137,23 @@ impl<'a> Space<'a> {
         index[self.in_plane[0]] = dot(r, self.reciprocal[0]);
         index[self.in_plane[1]] = dot(r, self.reciprocal[1]);
         index
+    }
+
+    /// The slice below a height along the normal, but for the last slice: guessed from the mean
+    /// step, which is right at once where spacing is regular.
+    #[inline]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    fn slice_below(&self, height: f64) -> usize {
+        let last = self.heights.len() - 2;
+        let guess = (height - self.heights[0]) * self.slices_per_mm;
+        let mut k = (guess.max(0.0) as usize).min(last);
+        while k > 0 && self.heights[k] > height {
+            k -= 1;
+        }
+        while k < last && self.heights[k + 1] <= height {
+            k += 1;
+        }
+        k
     }
 
     /// Hounsfield units at a place, trilinear; `None` outside the voxel centres.

@@ -70,6 +70,27 @@ impl Cells {
         (z * self.shape[1] + y) * self.shape[0] + x
     }
 
+    /// The cell `[x, y, z]` at an offset.
+    #[inline]
+    pub(super) fn cell(&self, offset: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.shape;
+        [offset % nx, offset / nx % ny, offset / (nx * ny)]
+    }
+
+    /// The up to 26 cells around one, with their distance, mm.
+    pub(super) fn around(&self, offset: usize) -> impl Iterator<Item = (usize, f64)> {
+        let cell = self.cell(offset);
+        (0..27_usize).filter(|i| *i != 13).filter_map(move |i| {
+            let step = [i % 3, i / 3 % 3, i / 9];
+            let mut at = [0; 3];
+            for a in 0..3 {
+                at[a] = (cell[a] + step[a]).checked_sub(1).filter(|&v| v < self.shape[a])?;
+            }
+            let moved = step.iter().filter(|&&s| s != 1).count();
+            Some((self.offset(at), [0.0, 1.0, 2f64.sqrt(), 3f64.sqrt()][moved] * self.edge))
+        })
+    }
+
     /// Centre of a cell, LPS mm.
     #[inline]
     #[expect(clippy::cast_precision_loss)]

@@ -1,0 +1,309 @@
+//! Sheets over the skin: masks, cloth, straps that stand off it.
+//!
+//! A ray that goes in through a sheet leaves it after a few mm, crosses a gap and meets the patient
+//! behind. So it does at an ear or a nostril; but those are small, and a sheet reaches further than
+//! any of them. Where a sheet lies on the skin no gap shows: there its outer face goes on smoothly
+//! from where the sheet stands off, while the skin begins behind a step. Such stretches are given to
+//! the sheet, since nobody can tell where the skin is below them.
+
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashMap};
+
+use rayon::prelude::*;
+
+use super::levels::Levels;
+use super::patient::Cell;
+use super::pieces::Pieces;
+use super::space::Space;
+use super::survey::Cells;
+use crate::geometry::{Vec3, add, dot, normalised, scale};
+
+/// No sheet is thicker, mm.
+const THICKEST_MM: f64 = 4.5;
+/// The gap below a sheet is no wider, mm.
+const WIDEST_GAP_MM: f64 = 10.0;
+/// Step of the ray, mm.
+const STEP_MM: f64 = 0.4;
+/// Parts of a sheet that lie nearer to each other than twice this belong together, mm.
+const LINK_MM: f64 = 4.0;
+/// Thin parts of the patient (ears, nostrils) do not reach so far: diagonal of the box, mm.
+const LARGEST_PART_MM: f64 = 95.0;
+/// A sheet's outer face goes on at most so far over the skin, mm.
+const CONTACT_MM: f64 = 40.0;
+/// What a radian of turn costs on the way along a surface, in mm of way.
+const TURN_COST: f64 = 60.0;
+/// Normals are taken from the tissue within so many cells.
+const NORMAL_REACH: isize = 3;
+
+/// Marks as [`Cell::Attached`] the cells of every sheet; `open` tells the air outside. Whether
+/// there were any.
+pub(super) fn peel(
+    space: &Space,
+    levels: &Levels,
+    cells: &Cells,
+    kinds: &mut [Cell],
+    open: impl Fn(usize) -> bool + Sync,
+) -> bool {
+    let mut border = border(cells, kinds, |k| k == Cell::Patient);
+    border.retain(|&i| cells.around(i).any(|(j, _)| open(j)));
+    let layers: Vec<(usize, Layer)> = border
+        .par_iter()
+        .filter_map(|&i| {
+            let normal = normal(cells, kinds, i)?;
+            layer(space, levels, cells.centre(cells.cell(i)), normal).map(|l| (i, l))
+        })
+        .collect();
+    let foreign = large(cells, &layers);
+    if foreign.is_empty() {
+        return false;
+    }
+    let mut sheet: Vec<usize> = Vec::new();
+    for (_, layer) in &foreign {
+        let mut depth = -cells.edge;
+        while depth <= layer.to + 0.25 * cells.edge {
+            let p = add(layer.start, scale(layer.normal, -depth));
+            if let Some(cell) = cells.at(p) {
+                let offset = cells.offset(cell);
+                if kinds[offset] == Cell::Patient {
+                    sheet.push(offset);
+                }
+            }
+            depth += 0.5 * cells.edge;
+        }
+    }
+    sheet.sort_unstable();
+    sheet.dedup();
+    let outer: Vec<(usize, Vec3)> = foreign.iter().map(|(i, l)| (*i, l.normal)).collect();
+    for &i in &sheet {
+        kinds[i] = Cell::Attached;
+    }
+    let skin: Vec<usize> = foreign
+        .iter()
+        .filter(|(_, l)| l.behind - l.to > cells.edge)
+        .filter_map(|(_, l)| cells.at(add(l.start, scale(l.normal, -l.behind - 0.3 * cells.edge))))
+        .map(|cell| cells.offset(cell))
+        .collect();
+    let contact = contact(cells, kinds, &border, &outer, &skin);
+    for i in contact {
+        kinds[i] = Cell::Attached;
+    }
+    true
+}
+
+/// A thin layer that a ray met, with a gap and more tissue behind it.
+#[derive(Debug, Clone, Copy)]
+struct Layer {
+    /// Where the ray began, LPS mm.
+    start: Vec3,
+    /// Outward unit normal.
+    normal: Vec3,
+    /// Where the layer ends, mm in from the start.
+    to: f64,
+    /// Where the patient begins behind the gap, mm in from the start.
+    behind: f64,
+}
+
+/// Goes inward from a border cell.
+fn layer(space: &Space, levels: &Levels, start: Vec3, normal: Vec3) -> Option<Layer> {
+    let upper = levels.upper();
+    let at = |depth: f64| space.sample(add(start, scale(normal, -depth)));
+    let (mut entry, mut exit) = (None, None);
+    let mut depth = -1.5;
+    loop {
+        let inside = at(depth)? >= upper;
+        match (entry, exit) {
+            (None, _) if inside => entry = Some(depth),
+            (None, _) if depth > 1.5 => return None,
+            (Some(from), None) if !inside => exit = Some((from, depth)),
+            (Some(from), None) if depth - from > THICKEST_MM => return None,
+            (_, Some((_, to))) if inside => return Some(Layer { start, normal, to, behind: depth }),
+            (_, Some((_, to))) if depth - to > WIDEST_GAP_MM => return None,
+            _ => {}
+        }
+        depth += STEP_MM;
+    }
+}
+
+/// The layers that belong to something larger than any thin part of a head.
+fn large(cells: &Cells, layers: &[(usize, Layer)]) -> Vec<(usize, Layer)> {
+    if layers.is_empty() {
+        return Vec::new();
+    }
+    let mut mark = vec![false; cells.len()];
+    for (i, _) in layers {
+        mark[*i] = true;
+    }
+    let near = super::distance::squared_distance(cells.shape, cells.squared(LINK_MM), |i| mark[i]);
+    drop(mark);
+    let parts = Pieces::of(cells.shape, |i| near[i] != u16::MAX);
+    let n = parts.sizes().len();
+    let (mut low, mut high) = (vec![[usize::MAX; 3]; n], vec![[0usize; 3]; n]);
+    let part_of = |i: usize| {
+        let [x, y, z] = cells.cell(i);
+        parts.at(z, y, x).map(|p| p as usize)
+    };
+    for (i, _) in layers {
+        let Some(p) = part_of(*i) else { continue };
+        let cell = cells.cell(*i);
+        for a in 0..3 {
+            low[p][a] = low[p][a].min(cell[a]);
+            high[p][a] = high[p][a].max(cell[a]);
+        }
+    }
+    #[expect(clippy::cast_precision_loss, reason = "a survey has far fewer than 2^53 cells")]
+    let is_large = |p: usize| {
+        let square: f64 =
+            (0..3).map(|a| ((high[p][a].saturating_sub(low[p][a]) + 1) as f64 * cells.edge).powi(2)).sum();
+        square.sqrt() > LARGEST_PART_MM
+    };
+    layers.iter().filter(|(i, _)| part_of(*i).is_some_and(is_large)).copied().collect()
+}
+
+/// The stretches of the patient's border that are reached along the surface from the outer faces
+/// of the sheets at less cost than from the skin: where the sheet lies on it.
+fn contact(
+    cells: &Cells,
+    kinds: &[Cell],
+    border: &[usize],
+    outer: &[(usize, Vec3)],
+    skin: &[usize],
+) -> Vec<usize> {
+    let reach = super::distance::squared_distance(cells.shape, cells.squared(CONTACT_MM), |i| {
+        kinds[i] == Cell::Attached
+    });
+    // A turn is told from normals at the same scale on both.
+    let thing = |k: Cell| matches!(k, Cell::Patient | Cell::Attached);
+    let mut normals: HashMap<usize, Vec3> = HashMap::new();
+    let mut best: HashMap<usize, (f64, bool)> = HashMap::new();
+    let mut queue: BinaryHeap<(Reverse<Cost>, usize, bool)> = BinaryHeap::new();
+    for (i, n) in outer {
+        normals.insert(*i, *n);
+    }
+    for &i in border.iter().filter(|&&i| kinds[i] == Cell::Patient && reach[i] != u16::MAX) {
+        if let Some(n) = normal_of(cells, kinds, i, thing) {
+            normals.insert(i, n);
+        }
+    }
+    let outside_reach: Vec<usize> = border
+        .iter()
+        .copied()
+        .filter(|&i| kinds[i] == Cell::Patient && reach[i] == u16::MAX)
+        .collect();
+    for i in outside_reach {
+        if let Some(n) = normal_of(cells, kinds, i, thing) {
+            normals.insert(i, n);
+            best.insert(i, (0.0, false));
+            queue.push((Reverse(Cost(0.0)), i, false));
+        }
+    }
+    for &i in skin {
+        if kinds[i] == Cell::Patient && normals.contains_key(&i) && !best.contains_key(&i) {
+            best.insert(i, (0.0, false));
+            queue.push((Reverse(Cost(0.0)), i, false));
+        }
+    }
+    for (i, _) in outer {
+        best.insert(*i, (0.0, true));
+        queue.push((Reverse(Cost(0.0)), *i, true));
+    }
+    while let Some((Reverse(Cost(cost)), i, foreign)) = queue.pop() {
+        if best.get(&i) != Some(&(cost, foreign)) {
+            continue;
+        }
+        let n = normals[&i];
+        for (j, way) in cells.around(i) {
+            let Some(m) = normals.get(&j) else { continue };
+            let turn = dot(n, *m).clamp(-1.0, 1.0).acos();
+            let total = cost + way + TURN_COST * (turn - 0.15).max(0.0);
+            if best.get(&j).is_none_or(|(c, _)| total < *c) {
+                best.insert(j, (total, foreign));
+                queue.push((Reverse(Cost(total)), j, foreign));
+            }
+        }
+    }
+    let mut contact: Vec<usize> = best
+        .into_iter()
+        .filter(|&(i, (_, foreign))| foreign && kinds[i] == Cell::Patient)
+        .map(|(i, _)| i)
+        .collect();
+    contact.sort_unstable();
+    contact
+}
+
+/// A cost that can be ordered.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Cost(f64);
+
+impl Eq for Cost {}
+
+impl Ord for Cost {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+impl PartialOrd for Cost {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// The cells of a kind that share a face with air.
+fn border(cells: &Cells, kinds: &[Cell], of: impl Fn(Cell) -> bool + Sync) -> Vec<usize> {
+    let [nx, ny, nz] = cells.shape;
+    let (row, layer) = (nx, nx * ny);
+    (1..nz - 1)
+        .into_par_iter()
+        .flat_map_iter(|z| {
+            let mut found = Vec::new();
+            for y in 1..ny - 1 {
+                for x in 1..nx - 1 {
+                    let i = z * layer + y * row + x;
+                    if of(kinds[i])
+                        && [i - 1, i + 1, i - row, i + row, i - layer, i + layer]
+                            .into_iter()
+                            .any(|j| kinds[j] == Cell::Air)
+                    {
+                        found.push(i);
+                    }
+                }
+            }
+            found
+        })
+        .collect()
+}
+
+/// Outward unit normal of a border cell of the patient.
+fn normal(cells: &Cells, kinds: &[Cell], i: usize) -> Option<Vec3> {
+    normal_of(cells, kinds, i, |k| k != Cell::Air)
+}
+
+/// Outward unit normal from the mean place of the solid cells around.
+#[expect(clippy::cast_precision_loss, reason = "steps of a few cells")]
+fn normal_of(cells: &Cells, kinds: &[Cell], i: usize, solid: impl Fn(Cell) -> bool) -> Option<Vec3> {
+    let [x, y, z] = cells.cell(i);
+    let r = NORMAL_REACH;
+    let mut sum = [0.0; 3];
+    for dz in -r..=r {
+        for dy in -r..=r {
+            for dx in -r..=r {
+                let step = [dx, dy, dz];
+                let (Some(x), Some(y), Some(z)) =
+                    (x.checked_add_signed(dx), y.checked_add_signed(dy), z.checked_add_signed(dz))
+                else {
+                    continue;
+                };
+                if x < cells.shape[0]
+                    && y < cells.shape[1]
+                    && z < cells.shape[2]
+                    && solid(kinds[cells.offset([x, y, z])])
+                {
+                    for a in 0..3 {
+                        sum[a] -= step[a] as f64;
+                    }
+                }
+            }
+        }
+    }
+    normalised(sum)
+}
