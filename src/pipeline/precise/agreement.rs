@@ -1,11 +1,10 @@
 //! How well the lines of all three directions agree about the skin around a point.
 
-use std::collections::HashMap;
-
 use rayon::prelude::*;
 
 use super::crossings::Crossing;
-use crate::geometry::{Vec3, dot, normalised, sub};
+use super::leaves::key;
+use crate::geometry::{Vec3, add, dot, normalised};
 
 /// How far around a point its neighbours are taken, mm.
 const REACH_MM: f64 = 2.0;
@@ -34,66 +33,83 @@ impl Agreement {
 
 /// All crossings, by place.
 #[derive(Debug)]
-pub(super) struct Neighbourhood<'a> {
-    crossings: &'a [Crossing],
-    cells: HashMap<[i32; 3], (u32, u32)>,
-    order: Vec<u32>,
+pub(super) struct Neighbourhood {
+    /// Cubes of the reach's edge that hold crossings, ascending, and where theirs begin.
+    cubes: Vec<(u64, u32)>,
+    /// Place and outward normal of each crossing, cube after cube.
+    members: Vec<[f32; 6]>,
 }
 
-impl<'a> Neighbourhood<'a> {
-    /// Sorts the crossings into cells.
-    #[expect(clippy::cast_possible_truncation)]
-    pub(super) fn of(crossings: &'a [Crossing]) -> Self {
-        let mut keyed: Vec<([i32; 3], u32)> =
-            crossings.iter().enumerate().map(|(i, c)| (cell(c.place), i as u32)).collect();
+impl Neighbourhood {
+    /// Sorts the crossings into cubes.
+    #[expect(clippy::cast_possible_truncation, reason = "crossings are counted in 32 bits; places to 1e-4 mm")]
+    pub(super) fn of(crossings: &[Crossing]) -> Self {
+        let mut keyed: Vec<(u64, u32)> =
+            crossings.par_iter().enumerate().map(|(i, c)| (key(c.place, REACH_MM), i as u32)).collect();
         keyed.par_sort_unstable();
-        let mut cells = HashMap::new();
-        let mut start = 0;
-        for group in keyed.chunk_by(|a, b| a.0 == b.0) {
-            let end = start + group.len() as u32;
-            cells.insert(group[0].0, (start, end));
-            start = end;
+        let mut cubes = Vec::new();
+        for (i, (cube, _)) in keyed.iter().enumerate() {
+            if cubes.last().is_none_or(|(last, _)| last != cube) {
+                cubes.push((*cube, i as u32));
+            }
         }
-        Self { crossings, cells, order: keyed.into_iter().map(|k| k.1).collect() }
+        let member = |(_, i): &(u64, u32)| {
+            let c = &crossings[*i as usize];
+            let ([x, y, z], [nx, ny, nz]) = (c.place, c.normal);
+            [x, y, z, nx, ny, nz].map(|v| v as f32)
+        };
+        Self { members: keyed.par_iter().map(member).collect(), cubes }
     }
 
-    /// The crossings within reach of a point that face the same way.
-    fn around(&self, c: &Crossing) -> impl Iterator<Item = &'a Crossing> {
-        let centre = cell(c.place);
-        let c = *c;
-        (0..27)
-            .filter_map(move |i| {
-                let key = [0, 1, 2].map(|a| centre[a] + [i % 3, i / 3 % 3, i / 9][a] - 1);
-                self.cells.get(&key)
-            })
-            .flat_map(|&(start, end)| &self.order[start as usize..end as usize])
-            .map(|&i| &self.crossings[i as usize])
-            .filter(move |o| {
-                let d = sub(o.place, c.place);
-                dot(d, d) <= REACH_MM * REACH_MM && dot(o.normal, c.normal) > 0.5
-            })
+    /// Calls `f` with the members of the cubes that meet the ball of reach around a place.
+    fn around(&self, place: Vec3, mut f: impl FnMut(&[f32; 6])) {
+        for z in [-REACH_MM, 0.0, REACH_MM] {
+            for y in [-REACH_MM, 0.0, REACH_MM] {
+                // Three cubes along x follow each other.
+                let [low, high] =
+                    [-REACH_MM, REACH_MM].map(|x| key(add(place, [x, y, z]), REACH_MM));
+                let from = self.cubes.partition_point(|c| c.0 < low);
+                let to = from + self.cubes[from..].iter().take_while(|c| c.0 <= high).count();
+                if from < to {
+                    let end = self.cubes.get(to).map_or(self.members.len(), |c| c.1 as usize);
+                    self.members[self.cubes[from].1 as usize..end].iter().for_each(&mut f);
+                }
+            }
+        }
     }
 
     /// What the neighbours of a point say about it: the height of the common surface over its
     /// tangent plane is fitted by a + b·d² in the distance d from the point.
-    #[expect(clippy::cast_precision_loss)]
-    pub(super) fn agreement(&self, c: &Crossing) -> Agreement {
-        let neighbours: Vec<&Crossing> = self.around(c).collect();
-        let n = neighbours.len();
+    #[expect(
+        clippy::cast_precision_loss,
+        clippy::cast_possible_truncation,
+        reason = "a few hundred neighbours; places to 1e-4 mm"
+    )]
+    pub(super) fn agreement(&self, place: Vec3, own: Vec3) -> Agreement {
+        let (at, facing) = (place.map(|v| v as f32), own.map(|v| v as f32));
+        let reach = (REACH_MM * REACH_MM) as f32;
+        let mut near: Vec<[f32; 3]> = Vec::with_capacity(256);
+        let mut normal = [0f32; 3];
+        self.around(place, |m| {
+            let d = [m[0] - at[0], m[1] - at[1], m[2] - at[2]];
+            let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+            let cosine = m[3] * facing[0] + m[4] * facing[1] + m[5] * facing[2];
+            if squared <= reach && cosine > 0.5 {
+                near.push(d);
+                for a in 0..3 {
+                    normal[a] += m[3 + a];
+                }
+            }
+        });
+        let n = near.len();
         if n < LEAST {
             return Agreement { neighbours: n, ..Agreement::default() };
         }
-        let mut normal = [0.0; 3];
-        for o in &neighbours {
-            for a in 0..3 {
-                normal[a] += o.normal[a];
-            }
-        }
-        let normal = normalised(normal).unwrap_or(c.normal);
-        let heights: Vec<(f64, f64)> = neighbours
+        let normal = normalised(normal.map(f64::from)).unwrap_or(own);
+        let heights: Vec<(f64, f64)> = near
             .iter()
-            .map(|o| {
-                let d = sub(o.place, c.place);
+            .map(|d| {
+                let d = d.map(f64::from);
                 let h = dot(d, normal);
                 (dot(d, d) - h * h, h)
             })
@@ -107,9 +123,4 @@ impl<'a> Neighbourhood<'a> {
         let scatter = mean(&|v| (v.1 - offset - slope * v.0).powi(2)).sqrt();
         Agreement { offset, scatter, curvature: -2.0 * slope, neighbours: n }
     }
-}
-
-#[expect(clippy::cast_possible_truncation)]
-fn cell(p: Vec3) -> [i32; 3] {
-    p.map(|v| (v / REACH_MM).floor() as i32)
 }

@@ -20,6 +20,9 @@ const UNRESOLVED: f64 = 2.5;
 const DOUBTFUL_MM: f64 = 1.0;
 /// Images between two slices are made this far apart at most, mm.
 const STEP_MM: f64 = 0.8;
+/// Where the contour moves further than so many gaps from one slice to the next, nobody can tell
+/// how: the tip of an ear ends somewhere between.
+const FLATTEST: f64 = 4.0;
 /// A distance is trusted only if its foot lies across the contour, not beyond its end: the least
 /// cosine.
 const ACROSS: f64 = 0.8;
@@ -182,7 +185,8 @@ impl Contours {
         }
         let offset = at[0] as usize * self.shape[1] + at[1] as usize;
         let (a, b) = (self.distances[k][offset], self.distances[k + 1][offset]);
-        a.is_finite() && b.is_finite() && (a < 0.0) != (b < 0.0)
+        let gap = dot(space.step_at(space.slice_axis(), k), space.slice_normal()).abs();
+        a.is_finite() && b.is_finite() && (a < 0.0) != (b < 0.0) && shift(a, b) <= FLATTEST * gap
     }
 
     /// The skin between slices k and k + 1.
@@ -192,6 +196,7 @@ impl Contours {
         let [rows, columns] = self.shape;
         let furthest = (8.0 + 2.0 * gap) as f32;
         let known = |i: usize| below[i].abs() < furthest && above[i].abs() < furthest;
+        let steep = |i: usize| shift(below[i], above[i]) <= FLATTEST * gap;
         let mut made = Vec::new();
         let parts = (gap / STEP_MM).ceil() as usize;
         for part in 1..parts {
@@ -209,7 +214,7 @@ impl Contours {
                     {
                         let Some(j) = j.filter(|&j| known(j)) else { continue };
                         let there = at(j);
-                        if (here < 0.0) == (there < 0.0) {
+                        if (here < 0.0) == (there < 0.0) || !steep(i) || !steep(j) {
                             continue;
                         }
                         let mut place = [r as f64, c as f64];
@@ -224,7 +229,7 @@ impl Contours {
         // The lines across the slices.
         for i in 0..rows * columns {
             let (a, b) = (f64::from(below[i]), f64::from(above[i]));
-            if known(i) && (a < 0.0) != (b < 0.0) {
+            if known(i) && (a < 0.0) != (b < 0.0) && steep(i) {
                 let t = a / (a - b);
                 let place = [(i / columns) as f64, (i % columns) as f64];
                 if let Some(made_here) = self.point(space, k, t, gap, place, 2) {
@@ -293,6 +298,11 @@ impl Contours {
         let in_slice = add(scale(self.units[0], g[0]), scale(self.units[1], g[1]));
         normalised(add(in_slice, scale(space.slice_normal(), rise)))
     }
+}
+
+/// How far the contour moves from one slice to the next, from the distances to both, mm.
+fn shift(below: f32, above: f32) -> f64 {
+    f64::from(above - below).abs()
 }
 
 /// One row takes over the nearest feet of the row before it and hands them on along itself.

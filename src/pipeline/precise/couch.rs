@@ -1,8 +1,7 @@
 //! The couch and what else has the same cross-section in every slice: boards, holders, rails.
 
 use super::patient::Cell;
-use super::space::Space;
-use super::survey::Cells;
+use super::survey::Survey;
 
 /// A column along the table counts as filled if this share of it is.
 const SHARE: f64 = 0.97;
@@ -15,13 +14,14 @@ const LEAST_LENGTH_MM: f64 = 60.0;
 
 /// Marks as [`Cell::Other`] the tissue that runs along the whole scan parallel to the table.
 #[expect(clippy::cast_precision_loss)]
-pub(super) fn mark(space: &Space, cells: &Cells, kinds: &mut [Cell]) {
+pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) {
+    let cells = &survey.cells;
     let [nx, ny, nz] = cells.shape;
     let layer = nx * ny;
     let (mut seen, mut full) = (vec![0u32; layer], vec![0u32; layer]);
     for z in 0..nz {
         for i in 0..layer {
-            if space.contains(cells.centre([i % nx, i / nx, z])) {
+            if survey.seen[z * layer + i] {
                 seen[i] += 1;
                 full[i] += u32::from(kinds[z * layer + i] != Cell::Air);
             }

@@ -10,7 +10,7 @@ use super::regions::Regions;
 use super::space::Space;
 use super::stretches::StretchReason;
 use super::width::Width;
-use crate::geometry::{Axis, Plane, PlaneSet, Vec3, add, cross, dot, norm, normalised, scale};
+use crate::geometry::{Axis, Plane, PlaneSet, Vec3, add, cross, dot, norm, normalised, scale, sub};
 
 /// A pair of neighbouring voxels with the skin between them.
 #[derive(Debug, Clone, Copy)]
@@ -161,17 +161,44 @@ impl Search<'_> {
             return doubt(StretchReason::FieldOfView, f64::from(seen), f64::from(padding));
         }
         if let Some(mm) = self.foreign(place, normal) {
-            return doubt(StretchReason::Touching, mm, DEPTHS[3] * self.patient.cells.edge);
+            return doubt(StretchReason::Touching, mm, BESIDE_MM.max(DEPTHS[3] * self.patient.survey.cells.edge));
         }
         let (tissue, air) = self.around(place, normal);
         let inner = inner_voxel;
         Some(Ok(Candidate { inner, axis: axis as u8, ascending, place, normal, tissue, air }))
     }
 
+    /// How near something that is not the patient is: behind the border, or beside it without a gap
+    /// between; `None` if the patient alone is there.
+    fn foreign(&self, p: Vec3, n: Vec3) -> Option<f64> {
+        self.beside(p, n).or_else(|| self.behind(p, n))
+    }
+
+    /// How far beside the border, no higher than the skin, the nearest cell is that is not the
+    /// patient's.
+    fn beside(&self, p: Vec3, n: Vec3) -> Option<f64> {
+        let (cells, kinds) = (&self.patient.survey.cells, &self.patient.kinds);
+        let at = cells.at(p)?;
+        if !self.patient.near_foreign[cells.offset(at)] {
+            return None;
+        }
+        let mut nearest: Option<f64> = None;
+        for cell in cells.block(at, BESIDE_CELLS) {
+            if matches!(kinds[cells.offset(cell)], Cell::Attached | Cell::Other) {
+                let d = sub(cells.centre(cell), p);
+                let distance = norm(d);
+                if dot(d, n) < LEVEL_MM && distance <= BESIDE_MM && nearest.is_none_or(|m| distance < m) {
+                    nearest = Some(distance);
+                }
+            }
+        }
+        nearest
+    }
+
     /// How far behind the border the survey sees something that is not the patient; `None` if it
     /// sees the patient first.
-    fn foreign(&self, p: Vec3, n: Vec3) -> Option<f64> {
-        let cells = &self.patient.cells;
+    fn behind(&self, p: Vec3, n: Vec3) -> Option<f64> {
+        let cells = &self.patient.survey.cells;
         for step in DEPTHS {
             if let Some(cell) = cells.at(add(p, scale(n, -step * cells.edge))) {
                 match self.patient.kinds[cells.offset(cell)] {
@@ -198,6 +225,12 @@ impl Search<'_> {
     }
 }
 
+/// What touches the patient puts the skin so near beside it in doubt, mm.
+const BESIDE_MM: f64 = 2.5;
+/// The same in cells of 1 mm, the smallest.
+const BESIDE_CELLS: usize = 3;
+/// What is higher above the skin than this does not touch it there, mm.
+const LEVEL_MM: f64 = 1.0;
 /// How far behind the border the survey is asked, in cells.
 const DEPTHS: [f64; 4] = [0.6, 1.1, 1.6, 2.1];
 /// A line that meets the skin flatter than this is left to the others.

@@ -1,8 +1,11 @@
 //! Whether the scan shows a head with its skin at all.
 
+use rayon::prelude::*;
+
 use super::levels::Levels;
 use super::patient::{Cell, Patient, each_cell};
 use super::space::Space;
+use super::survey::Survey;
 use crate::geometry::{Vec3, add, scale};
 
 /// What the patient is made of, cm³.
@@ -34,14 +37,16 @@ const SOFT: f32 = 130.0;
 impl Head {
     /// Looks along eight directions from the soft cells for bone.
     pub(super) fn of(space: &Space, levels: &Levels, patient: &Patient) -> Self {
-        let cells = &patient.cells;
-        let [nx, ny, nz] = cells.shape;
-        let kinds: Vec<Matter> = cells.map(|p| match space.sample(p) {
-            Some(v) if v > METAL => Matter::Metal,
-            Some(v) if v > levels.tissue + BONE => Matter::Bone,
-            Some(v) if (v - levels.tissue).abs() < SOFT => Matter::Soft,
+        let Survey { cells, hu, seen } = &patient.survey;
+        let [nx, ny, _] = cells.shape;
+        let matter = |(&hu, &seen): (&i16, &bool)| match f32::from(hu) {
+            _ if !seen => Matter::Neither,
+            v if v > METAL => Matter::Metal,
+            v if v > levels.tissue + BONE => Matter::Bone,
+            v if (v - levels.tissue).abs() < SOFT => Matter::Soft,
             _ => Matter::Neither,
-        });
+        };
+        let kinds: Vec<Matter> = hu.par_iter().zip(seen).map(matter).collect();
         let volume = cells.edge.powi(3) / 1000.0;
         let mut head = Self::default();
         each_cell(cells, |i, _| {
@@ -55,56 +60,61 @@ impl Head {
             }
         });
         let layer = nx * ny;
-        let mut lowest: Option<f64> = None;
-        for z in 0..nz {
-            let before = head.brain_cm3;
-            let surrounded = surrounded(nx, ny, &kinds[z * layer..][..layer]);
-            for i in 0..layer {
-                let offset = z * layer + i;
-                if surrounded[i] && kinds[offset] == Matter::Soft && patient.kinds[offset] == Cell::Patient {
-                    head.brain_cm3 += volume;
-                }
-            }
-            let seen = (0..layer).any(|i| space.contains(cells.centre([i % nx, i / nx, z])));
-            if seen && lowest.is_none() {
-                lowest = Some((head.brain_cm3 - before) * 10.0 / cells.edge);
-            }
-        }
-        head.brain_cut_cm2 = lowest.unwrap_or(0.0);
+        let brain: Vec<(u64, bool)> = kinds
+            .par_chunks(layer)
+            .enumerate()
+            .map(|(z, matter)| {
+                let surrounded = surrounded(nx, ny, matter);
+                let of_patient = &patient.kinds[z * layer..][..layer];
+                let is_brain =
+                    |i: &usize| surrounded[*i] && matter[*i] == Matter::Soft && of_patient[*i] == Cell::Patient;
+                let is_seen = seen[z * layer..][..layer].contains(&true);
+                ((0..layer).filter(is_brain).count() as u64, is_seen)
+            })
+            .collect();
+        #[expect(clippy::cast_precision_loss, reason = "a survey has far fewer than 2^53 cells")]
+        let cm3 = |cells: u64| cells as f64 * volume;
+        head.brain_cm3 = cm3(brain.iter().map(|b| b.0).sum());
+        head.brain_cut_cm2 = brain.iter().find(|b| b.1).map_or(0.0, |b| cm3(b.0) * 10.0 / cells.edge);
         head.find_cuts(space, patient);
         head
     }
 
     /// Where the patient leaves the scan: its cells next to the scan's borders.
-    #[expect(clippy::cast_precision_loss)]
+    #[expect(clippy::cast_precision_loss, reason = "a volume's axes are shorter than 2^53 voxels")]
     fn find_cuts(&mut self, space: &Space, patient: &Patient) {
-        let cells = &patient.cells;
+        let Survey { cells, seen, .. } = &patient.survey;
         let area = cells.edge * cells.edge / 100.0;
         let s = space.slice_axis();
-        let up = if space.slice_normal()[2] >= 0.0 { 1.0 } else { -1.0 };
+        let [nx, ny, nz] = cells.shape;
+        let leaving = |offset: usize, [x, y, z]: [usize; 3]| {
+            let step = [1, nx, nx * ny];
+            let (at, last) = ([x, y, z], [nx - 1, ny - 1, nz - 1]);
+            (0..3).flat_map(move |a| {
+                let below = (at[a] > 0).then(|| (offset - step[a], a, -1.0));
+                let above = (at[a] < last[a]).then(|| (offset + step[a], a, 1.0));
+                below.into_iter().chain(above)
+            })
+        };
+        let (mut above, mut aside) = (0usize, 0usize);
         each_cell(cells, |i, cell| {
-            if patient.kinds[i] != Cell::Patient {
+            if patient.kinds[i] != Cell::Patient || !seen[i] {
                 return;
             }
-            let p = cells.centre(cell);
-            if !space.contains(p) {
-                return;
-            }
-            let leaves = |n: Vec3| !space.contains(add(p, scale(n, cells.edge)));
-            if s == 0
-                && leaves([0.0, 0.0, 1.0])
-                && (space.index(p)[0] < space.shape[0] as f64 / 2.0) == (up < 0.0)
-            {
-                self.cut_above_cm2 += area;
-            }
-            for n in [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]] {
-                let index = space.index(add(p, scale(n, cells.edge)));
-                let aside = (0..3)
-                    .filter(|&a| a != s)
-                    .any(|a| index[a] < 0.0 || index[a] > (space.shape[a] - 1) as f64);
-                self.cut_aside_cm2 += if aside { area } else { 0.0 };
+            for (_, axis, direction) in leaving(i, cell).filter(|n| !seen[n.0]) {
+                let mut p = cells.centre(cell);
+                p[axis] += direction * cells.edge;
+                let index = space.index(p);
+                let left = |a: usize| index[a] < 0.0 || index[a] > (space.shape[a] - 1) as f64;
+                if left(s) {
+                    above += usize::from(axis == 2 && direction > 0.0);
+                } else if (0..3).any(|a| a != s && left(a)) {
+                    aside += 1;
+                }
             }
         });
+        self.cut_above_cm2 = above as f64 * area;
+        self.cut_aside_cm2 = aside as f64 * area;
     }
 }
 

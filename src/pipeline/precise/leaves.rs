@@ -1,32 +1,56 @@
 //! One point for each leaf, on the skin.
 
+use rayon::prelude::*;
+
 use super::crossings::Crossing;
 use crate::geometry::{PlaneSet, Vec3, dot, sub};
 
-/// For every occupied leaf the crossing nearest to the middle of its points, seen along the skin;
-/// with the planes of all of them. Leaves are cubes of edge `leaf` mm of a grid through the
-/// patient's origin.
-#[expect(clippy::cast_possible_truncation)]
-pub(super) fn thin(crossings: &[Crossing], leaf: f64) -> Vec<Crossing> {
-    let mut keyed: Vec<([i32; 3], u32)> = crossings
-        .iter()
-        .enumerate()
-        .map(|(i, c)| (c.place.map(|v| (v / leaf).floor() as i32), i as u32))
-        .collect();
-    keyed.sort_unstable();
-    keyed.chunk_by(|a, b| a.0 == b.0).map(|group| representative(crossings, group)).collect()
+/// The crossing that stands for a leaf.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Leaf {
+    /// Its place in the list of crossings.
+    pub(super) crossing: u32,
+    /// The planes of all crossings in the leaf.
+    pub(super) planes: PlaneSet,
 }
 
-fn representative(crossings: &[Crossing], group: &[([i32; 3], u32)]) -> Crossing {
-    let (mut middle, mut total, mut normal) = ([0.0; 3], 0.0, [0.0; 3]);
+/// For every leaf with a crossing for which `member` holds the one nearest to the middle of its
+/// points, seen along the skin. A centroid would lie inside a curved skin; this lies on it. Leaves
+/// are cubes of edge `leaf` mm of a grid through the patient's origin.
+#[expect(clippy::cast_possible_truncation, reason = "crossings are counted in 32 bits")]
+pub(super) fn thin(
+    crossings: &[Crossing],
+    leaf: f64,
+    member: impl Fn(&Crossing) -> bool + Sync,
+) -> Vec<Leaf> {
+    let mut keyed: Vec<(u64, u32)> = crossings
+        .par_iter()
+        .enumerate()
+        .filter(|(_, c)| member(c))
+        .map(|(i, c)| (key(c.place, leaf), i as u32))
+        .collect();
+    keyed.par_sort_unstable();
+    let groups: Vec<&[(u64, u32)]> = keyed.chunk_by(|a, b| a.0 == b.0).collect();
+    groups.into_par_iter().map(|group| representative(crossings, group)).collect()
+}
+
+/// A key for the cube of edge `leaf` mm that holds a place; far beyond any scanner's bore two
+/// cubes may share one.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "21 bits of each are kept")]
+pub(super) fn key(p: Vec3, leaf: f64) -> u64 {
+    let cell = |v: f64| ((v / leaf).floor() as i64 + (1 << 20)) as u64 & 0x1F_FFFF;
+    cell(p[2]) << 42 | cell(p[1]) << 21 | cell(p[0])
+}
+
+fn representative(crossings: &[Crossing], group: &[(u64, u32)]) -> Leaf {
+    let (mut middle, mut total) = ([0.0; 3], 0.0);
     let mut planes = PlaneSet::EMPTY;
-    let member = |g: &([i32; 3], u32)| crossings[g.1 as usize];
+    let member = |g: &(u64, u32)| &crossings[g.1 as usize];
     for c in group.iter().map(member) {
         let weight = 1.0 / (c.error * c.error);
         total += weight;
         for a in 0..3 {
             middle[a] += weight * c.place[a];
-            normal[a] += c.normal[a];
         }
         planes = planes.union(c.planes);
     }
@@ -36,11 +60,12 @@ fn representative(crossings: &[Crossing], group: &[([i32; 3], u32)]) -> Crossing
         let along = dot(d, c.normal);
         dot(d, d) - along * along + 4.0 * c.error * c.error
     };
-    let mut best = member(&group[0]);
-    for c in group[1..].iter().map(member) {
-        if cost(&c) < cost(&best) {
-            best = c;
+    let mut best = (group[0].1, cost(member(&group[0])));
+    for g in &group[1..] {
+        let cost = cost(member(g));
+        if cost < best.1 {
+            best = (g.1, cost);
         }
     }
-    Crossing { planes, ..best }
+    Leaf { crossing: best.0, planes }
 }

@@ -7,7 +7,7 @@
 //! | step | module |
 //! |---|---|
 //! | the scan as a field in mm | [`space`], [`levels`] |
-//! | cells for the search in 3D | [`survey`], [`distance`], [`pieces`] |
+//! | cells for the search in 3D | [`crop`], [`survey`], [`distance`], [`pieces`] |
 //! | which tissue is the patient | [`couch`], [`patient`], [`enclosure`], [`sheets`], [`head`] |
 //! | which border is skin | [`outside`] |
 //! | where exactly | [`crossings`], [`edge`], [`regions`], [`width`] |
@@ -20,6 +20,7 @@ mod agreement;
 mod between;
 mod confidence;
 mod couch;
+mod crop;
 mod crossings;
 mod distance;
 mod edge;

@@ -18,7 +18,7 @@ const BALL_MM: f64 = 4.0;
 const ENCLOSURE: f64 = 0.8;
 /// How far beyond the ball's reach a fold is still skin, mm (nostrils and ear canals deeper than
 /// that are inside).
-const FOLD_MM: f64 = 5.0;
+const FOLD_MM: f64 = 4.0;
 /// Narrow air deeper than this is no fold: a nostril, an ear canal, a mouth. It is closed at its
 /// rim, mm.
 const CANAL_MM: f64 = 12.0;
@@ -28,6 +28,8 @@ const WAY_MM: f64 = 3.0;
 const RIM_MM: f64 = 2.5;
 /// How far before a border the survey is asked, in cells.
 const STEPS_OUT: [f64; 4] = [2.1, 1.6, 1.1, 0.6];
+/// So near to a side of the survey air counts as coming from outside, in cells.
+const SIDE_CELLS: usize = 6;
 /// Chamfer steps of the walk into narrow air, in thirds of a cell.
 const STEPS: [u32; 4] = [0, 3, 4, 5];
 
@@ -65,7 +67,7 @@ impl Open {
     /// Walks in from the sides of the scan. Another body lets pass, and so does what hangs on the
     /// patient, for the skin behind it is skin where a gap shows it; but not into the body.
     pub(super) fn find(space: &Space, patient: &Patient) -> Self {
-        let (cells, kinds) = (patient.cells, &patient.kinds);
+        let (cells, kinds) = (patient.survey.cells, &patient.kinds);
         let mut open = flood(space, &cells, |i| matches!(kinds[i], Cell::Patient | Cell::Attached));
         if kinds.contains(&Cell::Attached) {
             let through = flood(space, &cells, |i| kinds[i] == Cell::Patient);
@@ -252,23 +254,20 @@ fn neighbours() -> impl Iterator<Item = (isize, isize, isize)> {
         .filter(|&n| n != (0, 0, 0))
 }
 
-/// Which pieces of free air come to a side of the slices: the air of the windpipe, that only
+/// Which pieces of free air come to a side of the survey: the air of the windpipe, that only
 /// reaches the first or last slice, does not.
 fn reached_from_the_sides(space: &Space, cells: &Cells, free: &Pieces) -> Vec<bool> {
     let mut reached = vec![false; free.sizes().len()];
-    let sides: Vec<usize> = (0..3).filter(|&a| a != space.slice_axis()).collect();
-    each_cell(cells, |_, [x, y, z]| {
-        let Some(piece) = free.at(z, y, x) else { return };
-        if reached[piece as usize] {
-            return;
-        }
-        let index = space.index(cells.centre([x, y, z]));
-        #[expect(clippy::cast_precision_loss)]
-        let at_side = sides.iter().any(|&a| {
-            let room = (BALL_MM + 2.0 * cells.edge) / space.spacing(a, 0);
-            index[a] < room || index[a] > (space.shape[a] - 1) as f64 - room
-        });
-        reached[piece as usize] = at_side;
+    let across = space.slice_normal();
+    // The axis of the survey that the slices follow.
+    let stacked = (0..3).max_by(|&a, &b| across[a].abs().total_cmp(&across[b].abs())).unwrap_or(2);
+    free.each_row(|[y, z], run| {
+        let low = [run.start as usize, y, z];
+        let high = [run.end as usize - 1, y, z];
+        let at_side = (0..3)
+            .filter(|&a| a != stacked)
+            .any(|a| low[a] < SIDE_CELLS || high[a] + SIDE_CELLS >= cells.shape[a]);
+        reached[run.piece as usize] |= at_side;
     });
     reached
 }

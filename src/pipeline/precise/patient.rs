@@ -4,7 +4,10 @@
 //! in pieces: ears, nose and jaw are small; a holder, a couch, straps and tubes are long. Where a
 //! gap is seen between two bodies, however narrow, they are parted at the scan's full resolution.
 
+use rayon::prelude::*;
+
 use super::couch;
+use super::crop;
 use super::distance::squared_distance;
 use super::enclosure::enclosure;
 use super::levels::Levels;
@@ -12,7 +15,7 @@ use super::outside::Open;
 use super::pieces::Pieces;
 use super::sheets;
 use super::space::Space;
-use super::survey::Cells;
+use super::survey::{Cells, Survey};
 use crate::geometry::{Vec3, add, scale};
 
 /// A body must be thicker than twice this to count as the patient's own, mm.
@@ -22,6 +25,8 @@ const SKIN_MM: f64 = 1.5;
 /// A thin piece longer than this (diagonal of its box) is no ear, nose or jaw, mm.
 const LONGEST_PART_MM: f64 = 95.0;
 
+/// What is so near something foreign may touch it, mm.
+const FOREIGN_MM: f64 = 3.5;
 /// Where so much of the view from a long part is the patient, it is the patient's all the same:
 /// the walls of the sinuses and of the mastoid's cells.
 const ENCLOSED: f64 = 0.65;
@@ -44,10 +49,12 @@ pub(super) enum Cell {
 /// The patient in the survey's cells and in the scan's voxels.
 #[derive(Debug)]
 pub(super) struct Patient {
-    /// The survey's cells.
-    pub(super) cells: Cells,
-    /// What each holds.
+    /// The survey.
+    pub(super) survey: Survey,
+    /// What each of its cells holds.
     pub(super) kinds: Vec<Cell>,
+    /// Whether each is near one that holds something other than air and patient.
+    pub(super) near_foreign: Vec<bool>,
     pieces: Pieces,
     own: Vec<bool>,
 }
@@ -59,53 +66,58 @@ impl Patient {
         #[expect(clippy::cast_possible_truncation)]
         let upper = levels.upper().ceil() as i16;
         let pieces = Pieces::of([nx, ny, nz], |o| space.hu[o] >= upper);
-        let cells = Cells::over(space);
-        let middle = levels.middle();
-        let mut kinds = cells.map(|p| match space.sample_index(space.clamped(p)) {
-            Some(v) if v >= middle => Cell::Patient,
-            _ => Cell::Air,
-        });
-        couch::mark(space, &cells, &mut kinds);
+        let survey = Survey::of(space, Cells::over(crop::bounds(space, levels)));
+        let cells = survey.cells;
+        let mut kinds = tissue(&survey, levels);
+        couch::mark(&survey, &mut kinds);
         let limit = cells.squared(BALL_MM);
         let depth = squared_distance(cells.shape, limit, |i| kinds[i] != Cell::Patient);
         let inner = Pieces::of(cells.shape, |i| depth[i] == u16::MAX);
-        drop(depth);
-        #[expect(clippy::cast_possible_truncation)]
-        let main = (0..inner.sizes().len()).max_by_key(|&i| inner.sizes()[i])? as u32;
+        let main = inner.largest()?;
         let mut core = vec![false; cells.len()];
         let mut own = vec![false; pieces.sizes().len()];
-        each_cell(&cells, |offset, [x, y, z]| {
-            if inner.at(z, y, x) == Some(main) {
-                core[offset] = true;
-                if let Some(piece) = piece_at(space, &pieces, cells.centre([x, y, z])) {
-                    own[piece as usize] = true;
+        inner.each_row(|[y, z], run| {
+            if run.piece == main {
+                for x in run.start as usize..run.end as usize {
+                    core[cells.offset([x, y, z])] = true;
+                    if let Some(piece) = piece_at(space, &pieces, cells.centre([x, y, z])) {
+                        own[piece as usize] = true;
+                    }
                 }
             }
         });
-        each_cell(&cells, |offset, cell| {
-            if kinds[offset] == Cell::Patient {
-                kinds[offset] = owner(space, &pieces, &own, cells.centre(cell), cells.edge);
+        kinds.par_iter_mut().enumerate().for_each(|(i, kind)| {
+            if *kind == Cell::Patient && !core[i] {
+                *kind = owner(space, &pieces, &own, cells.centre(cells.cell(i)), cells.edge);
             }
         });
         let reach = cells.squared(BALL_MM + SKIN_MM);
         let near = squared_distance(cells.shape, reach, |i| core[i]);
         drop(core);
-        let mut patient = Self { cells, kinds, pieces, own };
+        let mut patient = Self { survey, kinds, near_foreign: Vec::new(), pieces, own };
         let open = Open::find(space, &patient);
-        sheets::peel(space, levels, &patient.cells, &mut patient.kinds, |i| open.is_open(i));
+        sheets::peel(space, levels, &patient.survey.cells, &mut patient.kinds, |i| open.is_open(i));
         patient.judge_parts(&near);
+        patient.look_for_foreign();
         Some(patient)
+    }
+
+    fn look_for_foreign(&mut self) {
+        let (cells, kinds) = (&self.survey.cells, &self.kinds);
+        let foreign = |i: usize| matches!(kinds[i], Cell::Attached | Cell::Other);
+        let distance = squared_distance(cells.shape, cells.squared(FOREIGN_MM), foreign);
+        self.near_foreign = distance.into_iter().map(|d| d != u16::MAX).collect();
     }
 
     /// Decides what the thin pieces on the body are.
     fn judge_parts(&mut self, near: &[u16]) {
         let kinds = &self.kinds;
-        let parts = Pieces::of(self.cells.shape, |i| kinds[i] == Cell::Patient && near[i] == u16::MAX);
+        let parts = Pieces::of(self.survey.cells.shape, |i| kinds[i] == Cell::Patient && near[i] == u16::MAX);
         let n = parts.sizes().len();
         let (mut low, mut high) = (vec![[usize::MAX; 3]; n], vec![[0usize; 3]; n]);
         let mut touches = vec![false; n];
-        let [nx, ny, nz] = self.cells.shape;
-        each_cell(&self.cells, |offset, cell| {
+        let [nx, ny, nz] = self.survey.cells.shape;
+        each_cell(&self.survey.cells, |offset, cell| {
             let [x, y, z] = cell;
             if let Some(p) = parts.at(z, y, x) {
                 let p = p as usize;
@@ -125,17 +137,17 @@ impl Patient {
         #[expect(clippy::cast_precision_loss)]
         let diagonal = |p: usize| {
             (0..3).map(|a| ((high[p][a] - low[p][a] + 1) as f64).powi(2)).sum::<f64>().sqrt()
-                * self.cells.edge
+                * self.survey.cells.edge
         };
         let body = |o: usize| kinds[o] == Cell::Patient && near[o] != u16::MAX;
         let mut changes = Vec::new();
-        each_cell(&self.cells, |offset, cell| {
+        each_cell(&self.survey.cells, |offset, cell| {
             let [x, y, z] = cell;
             if let Some(p) = parts.at(z, y, x) {
                 let p = p as usize;
                 if !touches[p] {
                     changes.push((offset, Cell::Other));
-                } else if diagonal(p) > LONGEST_PART_MM && enclosure(&self.cells, offset, body) < ENCLOSED {
+                } else if diagonal(p) > LONGEST_PART_MM && enclosure(&self.survey.cells, offset, body) < ENCLOSED {
                     changes.push((offset, Cell::Attached));
                 }
             }
@@ -153,6 +165,13 @@ impl Patient {
             .find_map(|d| piece_at(space, &self.pieces, add(p, scale(n, -d))))
             .map(|piece| self.own[piece as usize])
     }
+}
+
+/// The cells with tissue in their middle, as if all of it were the patient's.
+pub(super) fn tissue(survey: &Survey, levels: &Levels) -> Vec<Cell> {
+    let middle = levels.middle();
+    let kind = |&hu: &i16| if f32::from(hu) >= middle { Cell::Patient } else { Cell::Air };
+    survey.hu.par_iter().map(kind).collect()
 }
 
 /// Calls `f` with the offset and the index of every cell, in order.

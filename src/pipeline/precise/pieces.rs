@@ -64,6 +64,21 @@ impl Pieces {
         &self.sizes
     }
 
+    /// The piece with most cells, if there is any.
+    #[expect(clippy::cast_possible_truncation, reason = "pieces are counted in 32 bits")]
+    pub(super) fn largest(&self) -> Option<u32> {
+        (0..self.sizes.len()).max_by_key(|&i| self.sizes[i]).map(|i| i as u32)
+    }
+
+    /// Calls `f` with `[y, z]` and each run, in order.
+    pub(super) fn each_row(&self, mut f: impl FnMut([usize; 2], Run)) {
+        for row in 0..self.first.len() - 1 {
+            for run in &self.runs[self.first[row]..self.first[row + 1]] {
+                f([row % self.rows, row / self.rows], *run);
+            }
+        }
+    }
+
     /// The runs of a row.
     pub(super) fn row(&self, z: usize, y: usize) -> &[Run] {
         let row = z * self.rows + y;

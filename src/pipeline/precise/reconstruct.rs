@@ -15,9 +15,10 @@ use super::skin::{BorderPoint, NoSkin, Skin, SkinPoint};
 use super::space::Space;
 use super::stretches::{StretchReason, rows};
 use super::width::Width;
+use super::leaves::Leaf;
 use super::{between, leaves, order};
 use crate::dicom::Volume;
-use crate::geometry::{Plane, Vec3, dot, norm};
+use crate::geometry::{Plane, PlaneSet, Vec3, dot, norm};
 use crate::pipeline::{Observer, Stage};
 
 /// Less soft tissue within bone than this is no head, cm³.
@@ -37,19 +38,24 @@ pub fn reconstruct(
         observer.progress(stage, fraction);
         if observer.cancelled() { Err(NoSkin::Cancelled) } else { Ok(()) }
     };
+    let t0 = std::time::Instant::now(); // DEBUG
+    let lap = |w: &str| if std::env::var("T").is_ok() { eprintln!("{:8.3} {w}", t0.elapsed().as_secs_f64()) }; // DEBUG
     let space = Space::new(volume).ok_or(NoSkin::NoVolume)?;
     let levels = Levels::of(&space).ok_or(NoSkin::NoLevels)?;
     go_on(Stage::Axial, 0.0)?;
+    lap("levels"); // DEBUG
     let patient = Patient::find(&space, &levels).ok_or(NoSkin::NoPatient)?;
     go_on(Stage::Axial, 0.5)?;
+    lap("patient"); // DEBUG
     let head = Head::of(&space, &levels, &patient);
     if head.brain_cm3 < LEAST_BRAIN_CM3 {
         return Err(NoSkin::NoHead { brain_cm3: head.brain_cm3, limit_cm3: LEAST_BRAIN_CM3 });
     }
+    lap("head"); // DEBUG
     let outside = Outside::find(&space, &patient);
     go_on(Stage::Axial, 1.0)?;
     if let Ok(f) = std::env::var("KINDS") { // DEBUG
-        let c = &patient.cells; // DEBUG
+        let c = &patient.survey.cells; // DEBUG
         let mut b: Vec<u8> = Vec::new(); // DEBUG
         for v in c.shape { b.extend((v as u32).to_le_bytes()); } // DEBUG
         for v in c.origin { b.extend(v.to_le_bytes()); } // DEBUG
@@ -58,42 +64,38 @@ pub fn reconstruct(
         b.extend(outside.debug()); // DEBUG
         std::fs::write(f, b).unwrap(); // DEBUG
     } // DEBUG
+    lap("outside"); // DEBUG
     let (mut candidates, doubtful) = crossings::candidates(&space, &levels, &patient, &outside);
     drop((patient, outside));
     if candidates.is_empty() {
         return Err(NoSkin::NoBorder);
     }
     go_on(Stage::Sagittal, 0.5)?;
+    lap("candidates"); // DEBUG
     let rough = Regions::of(&candidates, &levels);
+    lap("regions"); // DEBUG
     let width = Width::of(&space, &candidates, &rough);
     crossings::refine_levels(&space, &width, &rough, &mut candidates);
     let regions = Regions::of(&candidates, &levels);
     let measured = crossings::measure(&space, &levels, &width, &regions, &candidates);
+    lap("measure"); // DEBUG
     let slices = rows(&space, &candidates, &doubtful);
     let border = border(&space, &candidates, &doubtful);
     drop(candidates);
     go_on(Stage::Coronal, 0.5)?;
+    lap("rows+border"); // DEBUG
     let accepted_mm2: f64 = measured.iter().map(|c| share_of_skin(&space, c.axis, c.normal)).sum();
     let rejected_mm2: f64 = doubtful
         .iter()
         .filter(|d| d.reason != StretchReason::Canal)
         .map(|d| share_of_skin(&space, d.axis, d.normal))
         .sum();
+    lap("areas"); // DEBUG
     let all = between::fill(&space, measured);
     go_on(Stage::Downsampling, 0.0)?;
-    let stated = State::new(&space, &all);
-    let (points, agreements) = stated.points(&all, leaf_mm);
-    let mut measured_of = [0; 3];
-    let uniplanar = Plane::ALL.map(|plane| {
-        let of_plane: Vec<Crossing> = all.iter().filter(|c| c.planes.contains(plane)).copied().collect();
-        measured_of[plane.index()] = of_plane.len() as u64;
-        let (mut points, _) = stated.points(&of_plane, leaf_mm);
-        for point in &mut points {
-            point.planes = plane.into();
-        }
-        points
-    });
-    let (agreement_mean_mm, agreement_p95_mm) = spread(&agreements);
+    lap("fill"); // DEBUG
+    let clouds = Clouds::of(&space, &all, leaf_mm);
+    let (agreement_mean_mm, agreement_p95_mm) = spread(&clouds.agreements);
     let mut quality = Quality {
         verdict: Verdict::Good,
         doubts: Vec::new(),
@@ -110,7 +112,8 @@ pub fn reconstruct(
     };
     quality.judge(limits);
     go_on(Stage::Downsampling, 1.0)?;
-    Ok(Skin { points, uniplanar, quality, slices, border, measured: measured_of })
+    let Clouds { points, uniplanar, measured, .. } = clouds;
+    Ok(Skin { points, uniplanar, quality, slices, border, measured })
 }
 
 /// The crossings as they lie in the slices.
@@ -128,36 +131,54 @@ fn border(space: &Space, candidates: &[Candidate], doubtful: &[Doubtful]) -> Vec
     accepted.chain(doubtful.iter().map(|d| point(d.place, d.axis, Some(d.reason)))).collect()
 }
 
-/// What is needed to state a point's error.
-struct State<'a> {
-    neighbourhood: Neighbourhood<'a>,
-    confidence: Confidence,
+/// The downsampled clouds.
+struct Clouds {
+    points: Vec<SkinPoint>,
+    uniplanar: [Vec<SkinPoint>; 3],
+    /// Crossings of each plane.
+    measured: [u64; 3],
+    /// Of the points of the merged cloud.
+    agreements: Vec<Agreement>,
 }
 
-impl<'a> State<'a> {
-    fn new(space: &Space, all: &'a [Crossing]) -> Self {
-        Self { neighbourhood: Neighbourhood::of(all), confidence: Confidence::of(space) }
-    }
-
-    /// One point for each leaf, with its error, in level-of-detail order.
-    #[expect(clippy::cast_possible_truncation)]
-    fn points(&self, crossings: &[Crossing], leaf: f64) -> (Vec<SkinPoint>, Vec<Agreement>) {
-        let thin = leaves::thin(crossings, leaf);
-        let places: Vec<Vec3> = thin.iter().map(|c| c.place).collect();
-        order::by_detail(&places, leaf)
-            .into_par_iter()
-            .map(|i| {
-                let c = &thin[i as usize];
-                let agreement = self.neighbourhood.agreement(c);
-                let point = SkinPoint {
-                    place: c.place.map(|v| v as f32),
-                    normal: c.normal.map(|v| v as f32),
-                    error: self.confidence.error(c, &agreement) as f32,
-                    planes: c.planes,
-                };
-                (point, agreement)
+impl Clouds {
+    /// One point for each leaf, of all crossings and of each plane's, with its error, in
+    /// level-of-detail order.
+    fn of(space: &Space, all: &[Crossing], leaf: f64) -> Self {
+        let merged = leaves::thin(all, leaf, |_| true);
+        let of_plane = Plane::ALL.map(|plane| leaves::thin(all, leaf, |c| c.planes.contains(plane)));
+        // Most crossings that stand for a leaf do so in several clouds.
+        let mut chosen: Vec<u32> =
+            merged.iter().chain(of_plane.iter().flatten()).map(|leaf| leaf.crossing).collect();
+        chosen.par_sort_unstable();
+        chosen.dedup();
+        let neighbourhood = Neighbourhood::of(all);
+        let confidence = Confidence::of(space);
+        let stated: Vec<(Agreement, f64)> = chosen
+            .par_iter()
+            .map(|&i| {
+                let c = &all[i as usize];
+                let agreement = neighbourhood.agreement(c.place, c.normal);
+                (agreement, confidence.error(c, &agreement))
             })
-            .unzip()
+            .collect();
+        let state = |leaf: &Leaf| &stated[chosen.partition_point(|&i| i < leaf.crossing)];
+        let cloud = |leaves: &[Leaf], planes: Option<Plane>| {
+            let places: Vec<Vec3> = leaves.iter().map(|l| all[l.crossing as usize].place).collect();
+            let point = |i: &u32| {
+                let leaf = &leaves[*i as usize];
+                let planes = planes.map_or(leaf.planes, PlaneSet::from);
+                SkinPoint::of(&all[leaf.crossing as usize], state(leaf).1, planes)
+            };
+            order::by_detail(&places, leaf).par_iter().map(point).collect()
+        };
+        let count = |plane| all.iter().filter(|c| c.planes.contains(plane)).count() as u64;
+        Self {
+            points: cloud(&merged, None),
+            uniplanar: [0, 1, 2].map(|i| cloud(&of_plane[i], Some(Plane::ALL[i]))),
+            measured: Plane::ALL.map(count),
+            agreements: merged.iter().map(|leaf| state(leaf).0).collect(),
+        }
     }
 }
 

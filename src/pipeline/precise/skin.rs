@@ -1,8 +1,9 @@
 //! What the profile gives: points of skin, or the reason why there are none.
 
+use super::crossings::Crossing;
 use super::quality::Quality;
 use super::stretches::{SliceContour, StretchReason};
-use crate::geometry::{Plane, PlaneSet};
+use crate::geometry::{Plane, PlaneSet, Vec3};
 
 /// A measured point of the skin.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,6 +16,14 @@ pub struct SkinPoint {
     pub error: f32,
     /// The planes whose points it stands for.
     pub planes: PlaneSet,
+}
+
+impl SkinPoint {
+    #[expect(clippy::cast_possible_truncation, reason = "a cloud holds 32-bit floats")]
+    pub(super) fn of(crossing: &Crossing, error: f64, planes: PlaneSet) -> Self {
+        let single = |v: Vec3| v.map(|v| v as f32);
+        Self { place: single(crossing.place), normal: single(crossing.normal), error: error as f32, planes }
+    }
 }
 
 /// The skin of a head.

@@ -164,9 +164,14 @@ impl<'a> Space<'a> {
 
     /// The nearest place within the volume, as a fractional index.
     #[inline]
-    #[expect(clippy::cast_precision_loss)]
     pub(super) fn clamped(&self, p: Vec3) -> [f64; 3] {
-        let index = self.index(p);
+        self.within(self.index(p))
+    }
+
+    /// The nearest fractional index within the volume.
+    #[inline]
+    #[expect(clippy::cast_precision_loss)]
+    pub(super) fn within(&self, index: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|a| index[a].clamp(0.0, (self.shape[a] - 1) as f64))
     }
 

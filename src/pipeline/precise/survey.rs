@@ -6,6 +6,59 @@ use rayon::prelude::*;
 use super::space::Space;
 use crate::geometry::Vec3;
 
+/// The box around all voxel centres and the margin, LPS mm.
+#[expect(clippy::cast_precision_loss, reason = "a volume's axes are shorter than 2^53 voxels")]
+pub(super) fn whole(space: &Space) -> [Vec3; 2] {
+    let last = space.shape.map(|n| (n - 1) as f64);
+    let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
+    for corner in 0..8 {
+        let index = [0, 1, 2].map(|a| if corner >> a & 1 == 1 { last[a] } else { 0.0 });
+        let p = space.lps(index);
+        for a in 0..3 {
+            low[a] = low[a].min(p[a] - MARGIN_MM);
+            high[a] = high[a].max(p[a] + MARGIN_MM);
+        }
+    }
+    [low, high]
+}
+
+fn extent([low, high]: [Vec3; 2]) -> Vec3 {
+    [0, 1, 2].map(|a| high[a] - low[a])
+}
+
+/// What the scan shows at the centre of every cell.
+#[derive(Debug)]
+pub(super) struct Survey {
+    /// The cells.
+    pub(super) cells: Cells,
+    /// Hounsfield units, trilinear; beyond the scan those of its nearest voxel.
+    pub(super) hu: Vec<i16>,
+    /// Whether the cell's centre lies between the scan's outermost voxel centres.
+    pub(super) seen: Vec<bool>,
+}
+
+impl Survey {
+    /// Samples the scan.
+    #[expect(clippy::cast_possible_truncation, reason = "interpolated between values of i16")]
+    pub(super) fn of(space: &Space, cells: Cells) -> Self {
+        let [nx, ny, _] = cells.shape;
+        let mut hu = vec![0; cells.len()];
+        let mut seen = vec![false; cells.len()];
+        hu.par_chunks_mut(nx).zip(seen.par_chunks_mut(nx)).enumerate().for_each(|(row, (hu, seen))| {
+            let start = cells.centre([0, row % ny, row / ny]);
+            for (x, (hu, seen)) in hu.iter_mut().zip(seen).enumerate() {
+                #[expect(clippy::cast_precision_loss, reason = "cells of one row")]
+                let p = [start[0] + x as f64 * cells.edge, start[1], start[2]];
+                let index = space.index(p);
+                let clamped = space.within(index);
+                *seen = clamped == index;
+                *hu = space.sample_index(clamped).unwrap_or(0.0).round() as i16;
+            }
+        });
+        Self { cells, hu, seen }
+    }
+}
+
 /// Cubic cells along LPS; index `(z · ny + y) · nx + x`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Cells {
@@ -18,30 +71,23 @@ pub(super) struct Cells {
 }
 
 /// At most so many cells: the memory and the time that the search may take.
-const MOST_CELLS: f64 = 14e6;
+const MOST_CELLS: f64 = 20e6;
 /// The survey reaches so far beyond the scan, mm; there the scan's last voxels go on, so that air
 /// next to the first slice stays open and a windpipe cut by the last one stays closed.
 const MARGIN_MM: f64 = 6.0;
 
 impl Cells {
-    /// Cells of 1 mm over the volume, larger ones if that would be too many.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
-    pub(super) fn over(space: &Space) -> Self {
-        let last = space.shape.map(|n| (n - 1) as f64);
-        let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
-        for corner in 0..8 {
-            let index = [0, 1, 2].map(|a| if corner >> a & 1 == 1 { last[a] } else { 0.0 });
-            let p = space.lps(index);
-            for a in 0..3 {
-                low[a] = low[a].min(p[a]);
-                high[a] = high[a].max(p[a]);
-            }
-        }
-        let low = low.map(|v| v - MARGIN_MM);
-        let extent = [0, 1, 2].map(|a| high[a] + MARGIN_MM - low[a]);
-        let edge = (extent.iter().product::<f64>() / MOST_CELLS).cbrt().max(1.0);
-        let shape = extent.map(|e| (e / edge).floor() as usize + 1);
-        Self { origin: low, edge, shape }
+    /// Cells of 1 mm over a box in LPS mm, larger ones if that would be too many.
+    pub(super) fn over(bounds: [Vec3; 2]) -> Self {
+        let edge = (extent(bounds).iter().product::<f64>() / MOST_CELLS).cbrt().max(1.0);
+        Self::of_edge(bounds, edge)
+    }
+
+    /// Cells of a given edge over a box in LPS mm.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a box of some cells")]
+    pub(super) fn of_edge(bounds: [Vec3; 2], edge: f64) -> Self {
+        let shape = extent(bounds).map(|e| (e.max(0.0) / edge).floor() as usize + 1);
+        Self { origin: bounds[0], edge, shape }
     }
 
     /// Number of cells.
@@ -77,6 +123,16 @@ impl Cells {
         [offset % nx, offset / nx % ny, offset / (nx * ny)]
     }
 
+    /// The cells no more than `reach` away along each axis, those outside the survey left out.
+    pub(super) fn block(&self, cell: [usize; 3], reach: usize) -> impl Iterator<Item = [usize; 3]> {
+        let range = |a: usize| cell[a].saturating_sub(reach)..(cell[a] + reach + 1).min(self.shape[a]);
+        let (xs, ys) = (range(0), range(1));
+        range(2).flat_map(move |z| {
+            let xs = xs.clone();
+            ys.clone().flat_map(move |y| xs.clone().map(move |x| [x, y, z]))
+        })
+    }
+
     /// The up to 26 cells around one, with their distance, mm.
     pub(super) fn around(&self, offset: usize) -> impl Iterator<Item = (usize, f64)> {
         let cell = self.cell(offset);
@@ -97,18 +153,6 @@ impl Cells {
     pub(super) fn centre(&self, [x, y, z]: [usize; 3]) -> Vec3 {
         let c = |i: usize, a: usize| self.origin[a] + i as f64 * self.edge;
         [c(x, 0), c(y, 1), c(z, 2)]
-    }
-
-    /// A value for every cell, made from its centre's place.
-    pub(super) fn map<T: Send + Copy + Default>(&self, f: impl Fn(Vec3) -> T + Sync) -> Vec<T> {
-        let mut out = vec![T::default(); self.len()];
-        let [nx, ny, _] = self.shape;
-        out.par_chunks_mut(nx * ny).enumerate().for_each(|(z, layer)| {
-            for (i, v) in layer.iter_mut().enumerate() {
-                *v = f(self.centre([i % nx, i / nx, z]));
-            }
-        });
-        out
     }
 
     /// A ball's radius in cells, squared, for [`super::distance`].
