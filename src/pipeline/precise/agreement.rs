@@ -25,6 +25,7 @@ pub(super) struct Agreement {
 }
 
 impl Agreement {
+    pub(super) fn debug(&self) -> usize { self.neighbours } // DEBUG
     /// Whether there were enough neighbours to say anything.
     pub(super) fn is_known(&self) -> bool {
         self.neighbours >= LEAST

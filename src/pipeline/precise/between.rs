@@ -15,7 +15,7 @@ use crate::geometry::{Plane, PlaneSet, Vec3, add, dot, norm, normalised, scale};
 const NEAR_MM: f64 = 1.25;
 /// A line across the slices that has fewer voxels than this for the edge (in standard deviations
 /// from one to the next) does not resolve it.
-const UNRESOLVED: f64 = 2.5;
+pub(super) const UNRESOLVED: f64 = 2.5;
 /// A point whose expected error is larger than this is dropped, mm.
 const DOUBTFUL_MM: f64 = 1.0;
 /// Images between two slices are made this far apart at most, mm.
@@ -242,7 +242,7 @@ impl Contours {
 
     /// A point of skin at `place` (row and column, from `low`), the share `t` of the way from
     /// slice k to k + 1; `along` is 0 or 1 for a line in the slice, 2 for one across.
-    #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation)]
+    #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     fn point(
         &self,
         space: &Space,
@@ -258,6 +258,8 @@ impl Contours {
         index[self.axes[0]] = place[0] + self.low[0] as f64;
         index[self.axes[1]] = place[1] + self.low[1] as f64;
         let normal = self.normal(space, k, t, gap, place)?;
+        let nearest = place[0].round() as usize * self.shape[1] + place[1].round() as usize;
+        let shift = shift(self.distances[k][nearest], self.distances[k + 1][nearest]);
         let axis = if along == 2 { slice_axis } else { self.axes[along] };
         // A made line lies in no slice of the acquired plane.
         let own = [Plane::Axial, Plane::Coronal, Plane::Sagittal][slice_axis];
@@ -274,7 +276,7 @@ impl Contours {
             planes,
             axis: axis as u8,
             between: true,
-            coarseness: 0.0,
+            coarseness: shift / gap,
             error: 0.02 * gap + 0.02,
         })
     }

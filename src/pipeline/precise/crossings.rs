@@ -45,7 +45,8 @@ pub(super) struct Crossing {
     /// Whether it was seen, or interpolated between two slices.
     pub(super) between: bool,
     /// How many standard deviations of the edge there are from one voxel of the line to the next:
-    /// the fewer, the better the line resolves the edge.
+    /// the fewer, the better the line resolves the edge. Between slices: how far the contour moves
+    /// from one to the next, in gaps.
     pub(super) coarseness: f64,
     /// Expected error along the normal, mm, from the edge alone.
     pub(super) error: f64,

@@ -162,6 +162,15 @@ impl Clouds {
                 (agreement, confidence.error(c, &agreement))
             })
             .collect();
+        if let Ok(f) = std::env::var("DUMP") { // DEBUG
+            let mut b: Vec<u8> = Vec::new(); // DEBUG
+            let (px, gap) = (0.0, 0.0); // DEBUG
+            for l in &merged { // DEBUG
+                let c = &all[l.crossing as usize]; let (a, e) = &stated[chosen.partition_point(|&i| i < l.crossing)]; // DEBUG
+                for v in [c.place[0], c.place[1], c.place[2], c.normal[0], c.normal[1], c.normal[2], c.error, c.coarseness, f64::from(u8::from(c.between)), f64::from(c.axis), a.offset, a.scatter, a.curvature, a.debug() as f64, px, gap, *e] { b.extend((v as f32).to_le_bytes()); } // DEBUG
+            } // DEBUG
+            std::fs::write(f, b).unwrap(); // DEBUG
+        } // DEBUG
         let state = |leaf: &Leaf| &stated[chosen.partition_point(|&i| i < leaf.crossing)];
         let cloud = |leaves: &[Leaf], planes: Option<Plane>| {
             let places: Vec<Vec3> = leaves.iter().map(|l| all[l.crossing as usize].place).collect();
