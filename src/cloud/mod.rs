@@ -8,4 +8,4 @@ mod point_cloud;
 
 pub use formats::{Format, UnknownFormat, encode, ply};
 pub use metadata::Metadata;
-pub use point_cloud::PointCloud;
+pub use point_cloud::{NoErrors, PointCloud};
