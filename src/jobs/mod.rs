@@ -120,7 +120,7 @@ impl Jobs {
         parameters: Parameters,
     ) -> Result<(ReconstructionRecord, bool)> {
         parameters.check().map_err(|wrong| Error::InvalidParameter {
-            name: wrong.name.to_owned(),
+            name: wrong.name.clone(),
             detail: wrong.to_string(),
         })?;
         let (record, new) =

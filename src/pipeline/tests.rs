@@ -39,7 +39,7 @@ fn volume(hu_inside: i16) -> Volume {
 
 #[test]
 fn the_points_of_every_plane_lie_on_the_surface_in_the_patient() {
-    let result = reconstruct(&volume(40), &Parameters::default(), &Silent).expect("an ellipsoid");
+    let result = reconstruct(&volume(40), &Parameters::paper(), &Silent).expect("an ellipsoid");
     assert_eq!(result.slices.len(), SHAPE.iter().sum::<usize>());
     for cloud in result.uniplanar.iter().chain([&result.triplanar]) {
         assert!(cloud.len() > 5_000, "{} points", cloud.len());
@@ -61,7 +61,7 @@ fn the_result_is_the_same_on_any_number_of_threads() {
     let volume = volume(40);
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-        pool.install(|| reconstruct(&volume, &Parameters::default(), &Silent)).expect("an ellipsoid")
+        pool.install(|| reconstruct(&volume, &Parameters::paper(), &Silent)).expect("an ellipsoid")
     };
     let (one, three) = (run(1), run(3));
     assert_eq!(one.triplanar, three.triplanar);
@@ -73,7 +73,7 @@ fn the_result_is_the_same_on_any_number_of_threads() {
 #[test]
 fn a_volume_without_tissue_ends_as_empty_cloud_with_a_reason_for_every_slice() {
     let Err(PipelineError::EmptyCloud { stage, partial }) =
-        reconstruct(&volume(-999), &Parameters::default(), &Silent)
+        reconstruct(&volume(-999), &Parameters::paper(), &Silent)
     else {
         panic!("air has no skin");
     };
@@ -85,7 +85,7 @@ fn a_volume_without_tissue_ends_as_empty_cloud_with_a_reason_for_every_slice() {
 
 #[test]
 fn without_an_accepted_axial_slice_there_is_no_box_and_so_no_point() {
-    let mut parameters = Parameters::default();
+    let mut parameters = Parameters::paper();
     parameters.thresholds.contour.axial_window_max = 150.0;
     let Err(PipelineError::EmptyCloud { partial, .. }) = reconstruct(&volume(40), &parameters, &Silent)
     else {
@@ -99,7 +99,7 @@ fn without_an_accepted_axial_slice_there_is_no_box_and_so_no_point() {
 
 #[test]
 fn a_filter_that_drops_every_point_is_named_and_the_figures_up_to_it_are_kept() {
-    let mut parameters = Parameters::default();
+    let mut parameters = Parameters::paper();
     parameters.radius_outlier.min_neighbours = 100_000;
     let Err(PipelineError::EmptyCloud { stage, partial }) = reconstruct(&volume(40), &parameters, &Silent)
     else {
@@ -132,13 +132,13 @@ fn it_asks_at_least_once_a_slice_whether_to_stop_and_then_stops() {
     let volume = volume(40);
     let watch = |after| Stopping { after, asked: AtomicUsize::new(0), stages: Mutex::default() };
     let patient = watch(usize::MAX);
-    reconstruct(&volume, &Parameters::default(), &patient).expect("an ellipsoid");
+    reconstruct(&volume, &Parameters::paper(), &patient).expect("an ellipsoid");
     let asked = patient.asked.into_inner();
     assert!(asked >= SHAPE.iter().sum(), "asked {asked} times");
     assert_eq!(patient.stages.into_inner().expect("no panic").len(), 5);
 
     for after in [0, 100, asked - 1] {
-        let result = reconstruct(&volume, &Parameters::default(), &watch(after));
+        let result = reconstruct(&volume, &Parameters::paper(), &watch(after));
         assert!(matches!(result, Err(PipelineError::Cancelled)), "after {after}");
     }
 }
@@ -146,7 +146,7 @@ fn it_asks_at_least_once_a_slice_whether_to_stop_and_then_stops() {
 #[test]
 fn a_picture_shows_the_contour_upright_in_its_colour() {
     let volume = volume(40);
-    let parameters = Parameters::default();
+    let parameters = Parameters::paper();
     let green = picture(&volume, &parameters, Plane::Sagittal, 200, true).expect("a slice");
     assert_eq!(green.dimensions(), (400, 130));
     // The top of the ellipsoid: 40 mm above the middle of the volume's 130 slices.
@@ -160,11 +160,16 @@ fn a_picture_shows_the_contour_upright_in_its_colour() {
 #[test]
 fn every_threshold_has_a_range() {
     let is_refused = |change: fn(&mut Parameters)| {
-        let mut parameters = Parameters::default();
+        let mut parameters = Parameters::paper();
         change(&mut parameters);
         parameters.check().is_err()
     };
-    Parameters::default().check().expect("the defaults are within their ranges");
+    for profile in [Parameters::paper(), Parameters::precise()] {
+        profile.check().expect("the defaults are within their ranges");
+    }
+    assert!(is_refused(|p| p.quality.coverage = 1.5), "a share above 1");
+    assert!(is_refused(|p| p.quality.slice_mm = -1.0));
+    assert!(is_refused(|p| p.quality.noise_hu = f64::NAN));
     assert!(is_refused(|p| p.unique_distance_mm = -1.0));
     assert!(is_refused(|p| p.thresholds.contour.min_area = f64::NAN));
     assert!(is_refused(|p| p.thresholds.solidity.min_solidity = 1.1));
