@@ -5,6 +5,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
+use crate::pipeline::precise::Quality;
 use crate::pipeline::{Figures, Parameters, Stage};
 use crate::store::{
     CompleteReason, Page, ReconstructionId, ReconstructionRecord, ReconstructionState, Refused, SeriesRecord,
@@ -129,6 +130,9 @@ pub(super) struct ReconstructionView {
     pub software: String,
     /// The figures of the result.
     pub figures: Option<Figures>,
+    /// How far the result can be trusted: verdict, its reasons and what was measured. Profile
+    /// `precise` alone.
+    pub quality: Option<Quality>,
     /// When it was asked for.
     #[schema(format = DateTime)]
     pub created: String,
@@ -256,6 +260,7 @@ impl From<ReconstructionRecord> for ReconstructionView {
             superseded_by: record.superseded_by,
             software: record.software,
             figures: record.figures,
+            quality: record.quality,
             created: time(record.created_ms),
             started: record.started_ms.map(time),
             finished: record.finished_ms.map(time),

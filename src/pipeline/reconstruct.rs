@@ -1,0 +1,25 @@
+//! One door for all profiles.
+
+use super::observer::Observer;
+use super::outcome::{PipelineError, Reconstruction};
+use super::parameters::{Parameters, Profile};
+use super::{paper, whole_skin};
+use crate::dicom::Volume;
+
+/// Reconstructs the skin surface of a head from a CT volume, as the parameters' profile does it.
+///
+/// Runs on the rayon pool of the caller; the result is the same on any number of threads.
+///
+/// # Errors
+/// [`PipelineError::EmptyCloud`] and [`PipelineError::NoSkin`] with everything found so far if there
+/// is no point, [`PipelineError::Cancelled`] if the observer asks for it.
+pub fn reconstruct(
+    volume: &Volume,
+    parameters: &Parameters,
+    observer: &dyn Observer,
+) -> Result<Reconstruction, PipelineError> {
+    match parameters.profile {
+        Profile::Paper => paper::reconstruct(volume, parameters, observer),
+        Profile::Precise => whole_skin::reconstruct(volume, parameters, observer),
+    }
+}
