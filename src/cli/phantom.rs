@@ -169,6 +169,7 @@ fn skin_npy(phantom: &Phantom, identity: &SeriesIdentity) -> Vec<u8> {
         series_instance_uid: identity.series_instance_uid.clone(),
         frame_of_reference_uid: identity.frame_of_reference_uid.clone(),
         plane: None,
+        max_error_mm: None,
         software: crate::SOFTWARE.to_owned(),
         parameters_json: String::new(),
     };

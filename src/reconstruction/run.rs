@@ -48,6 +48,7 @@ fn metadata(volume: &Volume, parameters: &Parameters, plane: Option<Plane>) -> M
         series_instance_uid: volume.identity.series_instance_uid.clone(),
         frame_of_reference_uid: volume.identity.frame_of_reference_uid.clone(),
         plane,
+        max_error_mm: None,
         software: crate::SOFTWARE.to_owned(),
         parameters_json: serde_json::to_string(parameters).expect("parameters are plain numbers and names"),
     }

@@ -33,11 +33,13 @@ fn metadata() -> impl Strategy<Value = Metadata> {
         plane,
         "[a-z]{1,9} [0-9.]{1,5}",
         "[ -~µ]{0,900}",
+        proptest::option::of(0.0_f32..=1000.0),
     )
-        .prop_map(|(series, frame, plane, software, parameters_json)| Metadata {
+        .prop_map(|(series, frame, plane, software, parameters_json, max_error)| Metadata {
             series_instance_uid: series.parse().expect("a UID"),
             frame_of_reference_uid: frame.map(|uid| uid.parse().expect("a UID")),
             plane,
+            max_error_mm: max_error.map(|mm| mm.try_into().expect("within its range")),
             software,
             parameters_json,
         })
@@ -89,6 +91,7 @@ fn a_ply_says_what_it_is() {
         series_instance_uid: "1.2.3".parse().expect("a UID"),
         frame_of_reference_uid: Some("1.2.4".parse().expect("a UID")),
         plane: None,
+        max_error_mm: None,
         software: "triplanar 9.9\nelement face 3".to_owned(),
         parameters_json: "{\"leaf_mm\":\n1.0}".to_owned(),
     };
@@ -109,6 +112,7 @@ fn an_empty_cloud_is_a_valid_file_in_every_format() {
         series_instance_uid: "1.2.3".parse().expect("a UID"),
         frame_of_reference_uid: None,
         plane: Some(Plane::Axial),
+        max_error_mm: None,
         software: "triplanar".to_owned(),
         parameters_json: "{}".to_owned(),
     };
@@ -135,6 +139,7 @@ fn normals_and_errors_stand_between_the_place_and_the_flags_and_turn_with_the_fr
         series_instance_uid: "1.2.3".parse().expect("a UID"),
         frame_of_reference_uid: None,
         plane: None,
+        max_error_mm: None,
         software: "triplanar".to_owned(),
         parameters_json: "{}".to_owned(),
     };

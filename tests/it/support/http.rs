@@ -164,6 +164,7 @@ pub(crate) fn metadata(uid: &SeriesInstanceUid, plane: Option<Plane>) -> Metadat
         series_instance_uid: uid.clone(),
         frame_of_reference_uid: Some("1.2.3".parse().unwrap()),
         plane,
+        max_error_mm: None,
         software: "test".to_owned(),
         parameters_json: "{}".to_owned(),
     }

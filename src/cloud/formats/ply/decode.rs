@@ -126,6 +126,7 @@ impl Header {
             series_instance_uid: uid(key::SERIES).ok_or_else(|| lacks("`series_instance_uid`"))?,
             frame_of_reference_uid: comment(key::FRAME_OF_REFERENCE).and_then(|text| text.parse().ok()),
             plane,
+            max_error_mm: comment(key::MAX_ERROR).and_then(|text| text.parse().ok()),
             software: joined(key::SOFTWARE),
             parameters_json: joined(key::PARAMETERS),
         };
