@@ -106,6 +106,11 @@ impl Jobs {
         Arc::clone(&self.shared.wakeup)
     }
 
+    /// The pipeline's threads, for what else needs them.
+    pub(crate) fn threads(&self) -> Arc<rayon::ThreadPool> {
+        Arc::clone(&self.shared.threads)
+    }
+
     /// Asks for a reconstruction of the latest revision of a complete series. The same parameters
     /// on the same instances are the same reconstruction: then it is given back as it stands, and
     /// the second value is `false`.

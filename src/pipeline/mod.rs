@@ -55,10 +55,11 @@ pub use bitmap::Bitmap;
 pub use observer::{Observer, Silent, Stage};
 pub use outcome::{Decision, Figures, PipelineError, Reconstruction, SliceRow};
 pub use parameters::{Parameters, Profile};
-pub use picture::picture;
+pub use picture::{border_picture, legend, picture};
 pub use reconstruct::reconstruct;
 pub use rejection::{Reason, Rejection};
 pub use thresholds::Thresholds;
+pub use whole_skin::border;
 
 /// The one name of a variant without fields, as it stands in JSON.
 pub(crate) fn name_of(variant: &impl serde::Serialize) -> String {

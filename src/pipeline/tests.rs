@@ -6,7 +6,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use ndarray::Array3;
 
-use super::{Observer, Parameters, PipelineError, Reason, Silent, Stage, picture, reconstruct};
+use super::precise::{BorderPoint, StretchReason};
+use super::{
+    Observer, Parameters, PipelineError, Reason, Silent, Stage, border_picture, legend, picture, reconstruct,
+};
 use crate::dicom::{SeriesIdentity, Volume};
 use crate::geometry::{Axis, Grid, Plane};
 
@@ -155,6 +158,41 @@ fn a_picture_shows_the_contour_upright_in_its_colour() {
     let red = picture(&volume, &parameters, Plane::Sagittal, 200, false).expect("a slice");
     assert_eq!(red.get_pixel(200, 25).0, [255, 0, 0]);
     assert!(picture(&volume, &parameters, Plane::Axial, SHAPE[0], true).is_none());
+}
+
+#[test]
+fn a_border_is_drawn_where_it_was_measured_and_pixels_are_square_in_mm() {
+    let mut volume = volume(40);
+    // Slices 3 mm apart, pixels of 1 mm: upright pictures are 3 times as high.
+    let origins = (0..SHAPE[0]).map(|z| [0.0, 0.0, -3.0 * z as f64]).collect();
+    volume.grid = Grid::new(Axis::Z, origins, [[0.0, 0.0, -3.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]], SHAPE);
+    let at = |index, axis, reason| BorderPoint { index, axis, reason };
+    let touching = Some(StretchReason::Touching);
+    let border = [
+        // Between two slices, above the middle of voxel 10 by a quarter of a slice.
+        at([9.75, 100.0, 50.0], 0, None),
+        // Between two columns, on the patient's left.
+        at([20.0, 100.0, 300.6], 2, touching),
+        // Across the sagittal slice: not in it, but in the axial and the coronal one.
+        at([30.0, 120.0, 50.2], 2, None),
+    ];
+    let sagittal = border_picture(&volume, &border, Plane::Sagittal, 50).expect("a slice");
+    assert_eq!(sagittal.dimensions(), (400, 390));
+    let green: Vec<_> =
+        sagittal.enumerate_pixels().filter(|p| p.2.0 == [0, 255, 0]).map(|p| (p.0, p.1)).collect();
+    // 10.25 slices of 3 px from the top.
+    assert_eq!(green, [(100, 30)]);
+    let coronal = border_picture(&volume, &border, Plane::Coronal, 100).expect("a slice");
+    assert_eq!(coronal.get_pixel(50, 30).0, [0, 255, 0]);
+    for y in 60..63 {
+        assert_eq!(coronal.get_pixel(301, y).0, [255, 0, 0], "as high as its voxel");
+    }
+    assert_ne!(coronal.get_pixel(301, 59).0, [255, 0, 0]);
+    assert_ne!(coronal.get_pixel(301, 63).0, [255, 0, 0]);
+    let axial = border_picture(&volume, &border, Plane::Axial, 30).expect("a slice");
+    assert_eq!(axial.dimensions(), (400, 400));
+    assert_eq!(axial.get_pixel(50, 400 - 1 - 120).0, [0, 255, 0]);
+    assert!(legend().contains(&("touching".to_owned(), "red")), "{:?}", legend());
 }
 
 #[test]

@@ -3,10 +3,10 @@
 
 use std::collections::HashMap;
 
-use super::observer::Observer;
+use super::observer::{Observer, Silent};
 use super::outcome::{Figures, PipelineError, Reconstruction, SliceRow, count};
 use super::parameters::Parameters;
-use super::precise::{self, BorderPoint, NoSkin, SkinPoint, SliceContour, Stretch};
+use super::precise::{self, BorderPoint, NoSkin, QualityLimits, SkinPoint, SliceContour, Stretch};
 use super::rejection::{Reason, Rejection};
 use super::slices;
 use crate::cloud::PointCloud;
@@ -40,6 +40,16 @@ pub(super) fn reconstruct(
     result.figures.after_statistical = count(&result.triplanar);
     result.mark_unique(parameters.unique_distance_mm);
     result.unless_empty("measuring the skin")
+}
+
+/// Every crossing of the patient's border with a grid line of the scan, as `precise` finds and judges
+/// it, whatever the parameters; none where it finds no skin. For pictures ([`super::border_picture`]).
+#[must_use]
+pub fn border(volume: &Volume) -> Vec<BorderPoint> {
+    /// Few points are made for nothing.
+    const COARSE_MM: f64 = 20.0;
+    let skin = precise::reconstruct(volume, COARSE_MM, &QualityLimits::default(), &Silent);
+    skin.map_or_else(|_| Vec::new(), |skin| skin.border)
 }
 
 fn cloud(points: &[SkinPoint]) -> PointCloud {
