@@ -21,8 +21,6 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// The code of a run in which no point was left.
-    pub const EMPTY_CLOUD: &'static str = "empty_cloud";
     /// The code of a run that its observer stopped.
     pub const CANCELLED: &'static str = "cancelled";
     /// The code of instances that the storage did not give.

@@ -74,7 +74,8 @@ fn write_report(path: Option<&PathBuf>, report: &Report) -> Result<(), Failed> {
 
 fn failed(failure: &Failure) -> Failed {
     let exit = match failure.code.as_str() {
-        Failure::EMPTY_CLOUD => Exit::EmptyCloud,
+        // It has got through to the pipeline, and was a volume.
+        _ if failure.report.is_some() => Exit::EmptyCloud,
         Failure::UNREADABLE => Exit::Input,
         Failure::CANCELLED => Exit::Internal,
         _ => Exit::Series,
