@@ -18,7 +18,7 @@ impl fmt::Display for VerdictLines<'_> {
             f,
             "coverage     {:.1} % of the skin in view ({:.1} cm² rejected)",
             100.0 * quality.coverage,
-            quality.rejected_cm2
+            quality.rejected_cm2 + 0.0
         )?;
         writeln!(
             f,

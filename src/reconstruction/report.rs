@@ -204,7 +204,7 @@ impl ReportRow {
             sop_instance_uid: axial_instance,
             decision: row.decision(),
             accepted_mm: row.accepted_mm,
-            rejected_mm: row.accepted_mm.map(|_| row.stretches.iter().map(|s| s.length_mm).sum()),
+            rejected_mm: row.accepted_mm.map(|_| row.stretches.iter().fold(0.0, |sum, s| sum + s.length_mm)),
             stretches: row.stretches.clone(),
         }
     }

@@ -13,7 +13,8 @@ const COLUMNS: &str = "plane,index,accepted,reason,measured,limit,contour_area,s
 /// RFC 4180: a header line, then a line a slice, ended by CR LF. No field needs quotes: names,
 /// numbers and UIDs hold neither comma nor quote. An absent value is an empty field.
 ///
-/// `stretches` holds each rejected stretch as `reason:length_mm:measured:limit`, joined by `|`.
+/// `stretches` holds each rejected stretch as `reason:length_mm:measured:limit`, joined by `|`; its
+/// numbers have three decimals.
 pub(super) fn csv(rows: &[ReportRow]) -> String {
     let mut out = format!("{COLUMNS}\r\n");
     for row in rows {
@@ -46,7 +47,7 @@ pub(super) fn csv(rows: &[ReportRow]) -> String {
 
 fn stretch(stretch: &Stretch) -> String {
     let Stretch { reason, length_mm, measured, limit } = stretch;
-    format!("{}:{length_mm}:{measured}:{limit}", Reason::Stretch(*reason).name())
+    format!("{}:{length_mm:.3}:{measured:.3}:{limit:.3}", Reason::Stretch(*reason).name())
 }
 
 fn field<T: Display>(value: Option<&T>) -> String {

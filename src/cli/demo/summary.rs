@@ -28,6 +28,9 @@ impl fmt::Display for Summary<'_> {
                 plane.partly,
                 reasons.join(", ")
             )?;
+            for (reason, mm) in &plane.stretches_mm {
+                writeln!(f, "{:<10} {mm:.0} mm of its contours rejected: {reason}", "")?;
+            }
         }
         let figures = &report.figures;
         writeln!(f, "\npoints")?;

@@ -26,6 +26,11 @@ pub(super) fn print(report: &Report) {
             if reasons.is_empty() { "" } else { "; rejected: " },
             reasons.join(", ")
         );
+        let stretches: Vec<_> =
+            plane.stretches_mm.iter().map(|(reason, mm)| format!("{reason} {mm:.0} mm")).collect();
+        if !stretches.is_empty() {
+            println!("{:12} of its contours rejected: {}", "", stretches.join(", "));
+        }
     }
     print!("{}", VerdictLines(report.quality.as_ref()));
     let figures = &report.figures;
