@@ -149,8 +149,10 @@ pub(super) struct ReconstructionView {
 /// Why a reconstruction gave no cloud.
 #[derive(Debug, Clone, Serialize, ToSchema)]
 pub(super) struct ReconstructionError {
-    /// Stable code.
-    #[schema(examples("missing_slice"))]
+    /// Stable code. The series is no volume: that of the fault, as `missing_slice`. It shows no skin:
+    /// `empty_cloud`, and under `precise` `no_head`, `no_patient`, `no_tissue` or `no_volume`; then
+    /// there is a report.
+    #[schema(examples("missing_slice", "no_head"))]
     pub code: String,
     /// What failed and what to do next.
     pub detail: String,

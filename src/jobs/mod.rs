@@ -12,7 +12,7 @@
 //! | what happened | the row |
 //! |---|---|
 //! | clouds and report are stored | `succeeded` |
-//! | the series is at fault, or nothing is left of it (`empty_cloud`) | `failed`, with the report if there is one |
+//! | the series is at fault, or it shows no skin (`empty_cloud`, `no_head`, …) | `failed`, with the report if there is one |
 //! | a passing fault, a full disk, a panic (`internal`) | `queued` after a back-off; `failed` after `jobs.max_attempts` |
 //! | `jobs.timeout` has passed | `failed`, `timeout` |
 //! | the process died | `queued` at the next start; `failed`, `worker_died`, after `jobs.max_attempts` |
