@@ -29,9 +29,10 @@ same() { # what, expected, got
     failed=$((failed + 1))
   fi
 }
-# The hash of what follows a PCD's header.
-pcd_data() { python3 -c 'import hashlib,sys
-print(hashlib.sha256(open(sys.argv[1],"rb").read().split(b"DATA binary\n",1)[1]).hexdigest())' "$1"; }
+# What a second PCD holds of the first one's points. PCL fills its files up to a page with zeros.
+pcd_data() { python3 -c 'import sys
+ours, theirs = (open(f, "rb").read().split(b"DATA binary\n", 1)[1] for f in sys.argv[1:])
+print("the same" if theirs.startswith(ours) and not theirs[len(ours):].strip(b"\0") else "others")' "$1" "$2"; }
 # The header's count, in a PLY and in a PCD.
 ply_points() { LC_ALL=C grep -a -m1 '^element vertex' "$1" | cut -d' ' -f3 | tr -d '\r'; }
 pcd_points() { LC_ALL=C grep -a -m1 '^POINTS' "$1" | cut -d' ' -f2 | tr -d '\r'; }
@@ -66,7 +67,7 @@ f=open("cloud.npy","rb"); f.read(8); n=int.from_bytes(f.read(2),"little"); print
   ours=$(grep -a -m1 '^FIELDS' binary.pcd)
   for file in from_binary.pcd from_ascii.pcd; do
     same "PCL's fields, $file" "$ours" "$(grep -a -m1 '^FIELDS' "$file")"
-    same "PCL's values, $file" "$(pcd_data binary.pcd)" "$(pcd_data "$file")"
+    same "PCL's values, $file" "the same" "$(pcd_data binary.pcd "$file")"
   done
   # Debian's CloudCompare opens no PCD: it gets what PCL made of ours.
   for file in binary.ply ascii.ply from_pcd.ply; do
