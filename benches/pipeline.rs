@@ -25,7 +25,7 @@ fn volume() -> Volume {
 
 fn whole(c: &mut Criterion) {
     let volume = volume();
-    let parameters = Parameters::default();
+    let parameters = Parameters::paper();
     let run = || reconstruct(&volume, &parameters, &Silent).expect("a head");
     let started = std::time::Instant::now();
     let points = run().triplanar.len();
@@ -38,7 +38,7 @@ fn whole(c: &mut Criterion) {
 
 fn contours(c: &mut Criterion) {
     let volume = volume();
-    let parameters = Parameters::default();
+    let parameters = Parameters::paper();
     let slice = slices::view(&volume.hu, Plane::Axial, 140).expect("the middle slice");
     let mask = mask(slice, &parameters);
     let mut group = c.benchmark_group("external contours of a slice");
@@ -49,11 +49,11 @@ fn contours(c: &mut Criterion) {
 }
 
 fn outliers(c: &mut Criterion) {
-    let mut parameters = Parameters::default();
+    let mut parameters = Parameters::paper();
     parameters.radius_outlier.min_neighbours = 0;
     parameters.statistical_outlier.neighbours = 0;
     let cloud = reconstruct(&volume(), &parameters, &Silent).expect("a head").triplanar;
-    let defaults = Parameters::default();
+    let defaults = Parameters::paper();
     let mut group = c.benchmark_group("outliers of a cloud");
     group.sample_size(10);
     group.bench_function("radius: ours", |b| {

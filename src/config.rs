@@ -397,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn the_compiled_in_file_is_valid_and_holds_the_papers_parameters() {
+    fn the_compiled_in_file_is_valid_and_holds_the_default_parameters() {
         let config = Config::defaults();
         assert_eq!(config.pipeline, Parameters::default());
         config.check_protection().expect("the defaults listen on loopback");

@@ -147,6 +147,9 @@ pub enum Error {
         /// What the client can do.
         detail: String,
     },
+    /// The cloud's points carry no expected error to filter by. 409.
+    #[error("{0}: reconstruct the series with {{\"profile\": \"precise\"}}, or leave out max_error_mm")]
+    NoExpectedErrors(#[from] crate::cloud::NoErrors),
     /// The source instances are no longer stored. 410.
     #[error("the source instances are no longer stored")]
     SourceRemoved,
@@ -218,6 +221,7 @@ impl Error {
             Self::SeriesIncomplete(_) => ("series-incomplete", "Series incomplete", 0x0110, 409),
             Self::NotReconstructable { .. } => ("not-reconstructable", "Not reconstructable", 0x0110, 409),
             Self::ReconstructionState { .. } => ("reconstruction-state", "Not in that state", 0x0110, 409),
+            Self::NoExpectedErrors(_) => ("no-expected-errors", "No expected errors", 0x0110, 409),
             Self::SourceRemoved => ("source-removed", "Source removed", 0x0110, 410),
             Self::RequestTimeout => ("request-timeout", "Request timeout", 0x0110, 408),
             Self::Internal(_) => ("internal", "Internal error", 0x0110, 500),

@@ -9,12 +9,13 @@ use indicatif::{ProgressBar, ProgressStyle};
 use tokio::runtime::Runtime;
 
 use super::signals::Signals;
-use super::{Exit, Failed};
+use super::{Exit, Failed, values};
 use crate::cloud::ply;
 use crate::config::Config;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::dimse::scu::{self, Instance, Peer};
 use crate::phantom::{Options, Phantom};
+use crate::pipeline::Profile;
 use crate::reconstruction::Report;
 use crate::service::Service;
 use crate::store::{ReconstructionFilter, ReconstructionRecord, ReconstructionState};
@@ -35,19 +36,23 @@ pub(super) struct Args {
     /// End once the summary is printed, instead of serving until Ctrl-C
     #[arg(long)]
     once: bool,
+    /// Which pipeline; the default one if not given
+    #[arg(long, value_parser = values::profile())]
+    profile: Option<Profile>,
 }
 
 pub(super) fn run(args: Args) -> Result<(), Failed> {
     let runtime = Runtime::new().map_err(Failed::internal)?;
-    let outcome = runtime.block_on(demo(args.once));
+    let outcome = runtime.block_on(demo(args.once, args.profile));
     runtime.shutdown_background();
     outcome
 }
 
-async fn demo(once: bool) -> Result<(), Failed> {
+async fn demo(once: bool, profile: Option<Profile>) -> Result<(), Failed> {
     let mut signals = Signals::new().map_err(Failed::internal)?;
     let dir = tempfile::tempdir().map_err(Failed::internal)?;
-    let config = settings(dir.path())?;
+    let mut config = settings(dir.path())?;
+    config.pipeline.profile = profile.unwrap_or(config.pipeline.profile);
     init_logging(&config.log).map_err(Failed::internal)?;
     let ae_title = config.dimse.ae_title.clone();
     let service = Service::start(config).await.map_err(Failed::internal)?;

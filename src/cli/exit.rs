@@ -9,7 +9,7 @@ pub(super) const TABLE: &str = "Exit codes:
   2  the arguments or the configuration are not valid, or --series is needed
   3  the input can't be read, or holds no CT series
   4  the series can't be reconstructed: its geometry or its pixels (the message names the error)
-  5  empty_cloud: every slice was rejected; the report has the reasons";
+  5  no skin was found (empty_cloud, no_head, …); the report has the reasons";
 
 /// How a subcommand ended, as its process's exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,7 +22,7 @@ pub enum Exit {
     Input = 3,
     /// The series can't be reconstructed.
     Series = 4,
-    /// No point was left.
+    /// No skin was found; there is a report.
     EmptyCloud = 5,
 }
 

@@ -13,6 +13,7 @@ mod settings;
 mod signals;
 mod token;
 mod values;
+mod verdict;
 
 use std::process::ExitCode;
 

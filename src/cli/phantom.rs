@@ -163,12 +163,13 @@ const SKIN_SPACING: f64 = 1.0;
 fn skin_npy(phantom: &Phantom, identity: &SeriesIdentity) -> Vec<u8> {
     #[expect(clippy::cast_possible_truncation)]
     let points: Vec<_> = phantom.skin_points(SKIN_SPACING).iter().map(|p| p.map(|c| c as f32)).collect();
-    let cloud =
-        PointCloud { planes: vec![PlaneSet::EMPTY; points.len()], unique: vec![false; points.len()], points };
+    let (planes, unique) = (vec![PlaneSet::EMPTY; points.len()], vec![false; points.len()]);
+    let cloud = PointCloud { points, planes, unique, ..PointCloud::default() };
     let metadata = Metadata {
         series_instance_uid: identity.series_instance_uid.clone(),
         frame_of_reference_uid: identity.frame_of_reference_uid.clone(),
         plane: None,
+        max_error_mm: None,
         software: crate::SOFTWARE.to_owned(),
         parameters_json: String::new(),
     };

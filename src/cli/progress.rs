@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::pipeline::{Observer, Stage};
+use crate::pipeline::{Observer, Profile, Stage};
 
 /// Steps of the bar.
 const STEPS: f64 = 1000.0;
@@ -14,6 +14,8 @@ const STEPS: f64 = 1000.0;
 /// Watches one reconstruction.
 pub(super) struct Progress {
     bar: Option<ProgressBar>,
+    /// Those that come.
+    expected: &'static [Stage],
     stages: Mutex<Stages>,
 }
 
@@ -27,13 +29,13 @@ struct Stages {
 
 impl Progress {
     /// A bar if standard error is a terminal.
-    pub(super) fn new() -> Self {
+    pub(super) fn new(profile: Profile) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
             let bar = ProgressBar::new(STEPS as u64);
             bar.with_style(style())
         });
-        Self { bar, stages: Mutex::default() }
+        Self { bar, expected: profile.stages(), stages: Mutex::default() }
     }
 
     /// Takes the bar away.
@@ -60,7 +62,8 @@ impl Observer for Progress {
         let done = &mut stages.done[stage as usize];
         *done = done.max(fraction.clamp(0.0, 1.0));
         #[expect(clippy::cast_precision_loss)]
-        let whole = stages.done.iter().sum::<f64>() / Stage::ALL.len() as f64;
+        let whole = self.expected.iter().map(|&stage| stages.done[stage as usize]).sum::<f64>()
+            / self.expected.len() as f64;
         match &self.bar {
             Some(bar) => {
                 if begun {

@@ -31,9 +31,9 @@ pub(super) fn format() -> impl TypedValueParser<Value = Format> {
     named(Format::ALL.map(|format| (format.name(), format)))
 }
 
-/// `paper`.
+/// The names of [`Profile`].
 pub(super) fn profile() -> impl TypedValueParser<Value = Profile> {
-    named([("paper", Profile::Paper)])
+    named(Profile::ALL.map(|profile| (profile.name(), profile)))
 }
 
 fn named<T: Copy + Send + Sync + 'static>(

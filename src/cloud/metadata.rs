@@ -1,5 +1,6 @@
 //! What a cloud's file says about itself.
 
+use super::MaxError;
 use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid};
 use crate::geometry::{Frame, Plane};
 
@@ -13,6 +14,8 @@ pub struct Metadata {
     pub frame_of_reference_uid: Option<FrameOfReferenceUid>,
     /// The plane whose cloud this is; `None` for the merged one.
     pub plane: Option<Plane>,
+    /// The filter by which points were dropped after the reconstruction, if one was asked for.
+    pub max_error_mm: Option<MaxError>,
     /// Name and version of the software that made it, e.g. [`crate::SOFTWARE`].
     pub software: String,
     /// The parameters of the reconstruction as JSON on one line.
@@ -25,6 +28,7 @@ pub(super) mod key {
     pub(crate) const PLANE: &str = "plane";
     pub(crate) const SERIES: &str = "series_instance_uid";
     pub(crate) const FRAME_OF_REFERENCE: &str = "frame_of_reference_uid";
+    pub(crate) const MAX_ERROR: &str = "max_error_mm";
     pub(crate) const SOFTWARE: &str = "software";
     pub(crate) const PARAMETERS: &str = "parameters";
 }
@@ -48,6 +52,9 @@ impl Metadata {
         ];
         if let Some(uid) = &self.frame_of_reference_uid {
             lines.push((key::FRAME_OF_REFERENCE, uid.to_string()));
+        }
+        if let Some(max_error) = self.max_error_mm {
+            lines.push((key::MAX_ERROR, max_error.to_string()));
         }
         lines.extend(on_lines(&self.software).map(|part| (key::SOFTWARE, part)));
         lines.extend(on_lines(&self.parameters_json).map(|part| (key::PARAMETERS, part)));

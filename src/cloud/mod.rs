@@ -3,9 +3,11 @@
 //! A new format is one file in `cloud/formats/` and one line in its table ([`Format`]).
 
 mod formats;
+mod max_error;
 mod metadata;
 mod point_cloud;
 
 pub use formats::{Format, UnknownFormat, encode, ply};
+pub use max_error::{InvalidMaxError, MaxError};
 pub use metadata::Metadata;
-pub use point_cloud::PointCloud;
+pub use point_cloud::{NoErrors, PointCloud};

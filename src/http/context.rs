@@ -47,7 +47,7 @@ impl Context {
     pub(super) fn new(state: AppState, shutdown: CancellationToken) -> Self {
         let AppState { store, intake, jobs, config, metrics } = state;
         let uploads = Arc::new(Semaphore::new(config.http.max_uploads));
-        let volumes = Arc::new(Volumes::new(store.clone(), &config));
+        let volumes = Arc::new(Volumes::new(store.clone(), &config, jobs.threads()));
         Self { store, intake, jobs, config, metrics, uploads, volumes, shutdown }
     }
 }

@@ -13,6 +13,7 @@ use utoipa::{PartialSchema, ToSchema};
 use super::auth::{Access, access};
 use super::problem::{MEDIA_TYPE, Problem};
 use super::router;
+use crate::pipeline::legend;
 
 /// The security scheme's name.
 const BEARER: &str = "bearer";
@@ -37,6 +38,9 @@ const ANYWHERE: [(&str, &str); 3] = [
 const PROTECTED: [(&str, &str); 2] =
     [("401", "No valid token (WWW-Authenticate)."), ("403", "The token's role does not allow this.")];
 
+/// How the path of the slices' pictures ends.
+const PICTURE: &str = "/slices/{plane}/{picture}";
+
 /// The description of the whole API, as `GET /openapi.json` and `triplanar openapi` give it.
 #[must_use]
 pub fn openapi() -> OpenApi {
@@ -45,6 +49,13 @@ pub fn openapi() -> OpenApi {
         for (method, operation) in operations_of(item) {
             complete(path, operation, access(&method, path));
         }
+    }
+    let pictures = api.paths.paths.iter_mut().filter(|(path, _)| path.ends_with(PICTURE));
+    for operation in pictures.filter_map(|(_, item)| item.get.as_mut()) {
+        let colours = legend().into_iter().map(|(reason, colour)| format!("`{reason}` {colour}"));
+        let colours = colours.collect::<Vec<_>>().join(", ");
+        let text = operation.description.get_or_insert_default();
+        text.push_str(&format!("\n\nColours of rejected stretches: {colours}."));
     }
     let components = api.components.get_or_insert_with(Components::new);
     components.schemas.insert(Problem::name().into_owned(), Problem::schema());

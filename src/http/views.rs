@@ -5,6 +5,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
+use crate::pipeline::precise::Quality;
 use crate::pipeline::{Figures, Parameters, Stage};
 use crate::store::{
     CompleteReason, Page, ReconstructionId, ReconstructionRecord, ReconstructionState, Refused, SeriesRecord,
@@ -129,6 +130,9 @@ pub(super) struct ReconstructionView {
     pub software: String,
     /// The figures of the result.
     pub figures: Option<Figures>,
+    /// How far the result can be trusted: verdict, its reasons and what was measured. Profile
+    /// `precise` alone.
+    pub quality: Option<Quality>,
     /// When it was asked for.
     #[schema(format = DateTime)]
     pub created: String,
@@ -145,8 +149,10 @@ pub(super) struct ReconstructionView {
 /// Why a reconstruction gave no cloud.
 #[derive(Debug, Clone, Serialize, ToSchema)]
 pub(super) struct ReconstructionError {
-    /// Stable code.
-    #[schema(examples("missing_slice"))]
+    /// Stable code. The series is no volume: that of the fault, as `missing_slice`. It shows no skin:
+    /// `empty_cloud`, and under `precise` `no_head`, `no_patient`, `no_tissue` or `no_volume`; then
+    /// there is a report.
+    #[schema(examples("missing_slice", "no_head"))]
     pub code: String,
     /// What failed and what to do next.
     pub detail: String,
@@ -256,6 +262,7 @@ impl From<ReconstructionRecord> for ReconstructionView {
             superseded_by: record.superseded_by,
             software: record.software,
             figures: record.figures,
+            quality: record.quality,
             created: time(record.created_ms),
             started: record.started_ms.map(time),
             finished: record.finished_ms.map(time),

@@ -1,5 +1,6 @@
 //! Volumes for slice pictures: the last few are kept, each is read once however many requests wait
-//! for it, and no more than those few are in memory or on their way there.
+//! for it, and no more than those few are in memory or on their way there. Beside a volume lies the
+//! patient's border in it, once a picture of the profile `precise` has asked for it.
 
 use std::ops::Deref;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,12 +13,21 @@ use crate::dicom::Volume;
 use crate::dicom::series::{ReadLimits, read};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
-use crate::pipeline::Silent;
+use crate::pipeline::precise::BorderPoint;
+use crate::pipeline::{Silent, border};
 use crate::store::{ReconstructionRecord, Store};
 
 /// A series with a certain set of instances.
 type Key = (SeriesInstanceUid, [u8; 32]);
-type Slot = Arc<OnceCell<Arc<Volume>>>;
+type Slot = Arc<Held>;
+
+/// What is kept of a series.
+#[derive(Default)]
+struct Held {
+    volume: OnceCell<Arc<Volume>>,
+    /// It depends on the volume alone, not on a reconstruction's parameters.
+    border: OnceCell<Arc<Vec<BorderPoint>>>,
+}
 
 /// The volumes that are in memory or on their way there.
 pub(super) struct Volumes {
@@ -26,15 +36,17 @@ pub(super) struct Volumes {
     /// So long a request waits for a place.
     patience: Duration,
     places: Arc<Places>,
-    /// One series is read at a time: it takes memory and all processors.
+    /// One series is read, or its border found, at a time: it takes memory and all processors.
     reading: Arc<tokio::sync::Mutex<()>>,
+    /// The pipeline's threads.
+    threads: Arc<rayon::ThreadPool>,
 }
 
 /// A volume that stays in memory as long as this lives.
 pub(super) struct InUse {
     // Fields are dropped in this order: the place is free when the volume is gone.
     volume: Arc<Volume>,
-    _place: Place,
+    place: Place,
 }
 
 impl Deref for InUse {
@@ -46,13 +58,14 @@ impl Deref for InUse {
 }
 
 impl Volumes {
-    pub(super) fn new(store: Store, config: &Config) -> Self {
+    pub(super) fn new(store: Store, config: &Config, threads: Arc<rayon::ThreadPool>) -> Self {
         Self {
             store,
             limits: config.read_limits(),
             patience: config.http.idle_timeout,
             places: Arc::new(Places::new(config.http.cached_volumes)),
             reading: Arc::default(),
+            threads,
         }
     }
 
@@ -66,8 +79,25 @@ impl Volumes {
         let place = tokio::time::timeout(self.patience, self.places.wait_for(&key))
             .await
             .map_err(|_| Error::Busy("pictures of http.cached_volumes other series are being made"))?;
-        let volume = place.slot.get_or_try_init(|| self.read(record, &place)).await?;
-        Ok(InUse { volume: Arc::clone(volume), _place: place.clone() })
+        let volume = place.slot.volume.get_or_try_init(|| self.read(record, &place)).await?;
+        Ok(InUse { volume: Arc::clone(volume), place: place.clone() })
+    }
+
+    /// The patient's border in a volume, as the profile `precise` finds it.
+    ///
+    /// # Errors
+    /// [`Error::Internal`].
+    pub(super) async fn border(&self, of: &InUse) -> Result<Arc<Vec<BorderPoint>>> {
+        let border = of.place.slot.border.get_or_try_init(|| async {
+            let turn = Arc::clone(&self.reading).lock_owned().await;
+            let (volume, place) = (Arc::clone(&of.volume), of.place.clone());
+            let threads = Arc::clone(&self.threads);
+            let finding =
+                tokio::task::spawn_blocking(move || (threads.install(|| border(&volume)), place, turn));
+            let (border, _place, _turn) = finding.await.map_err(Error::internal)?;
+            Ok::<_, Error>(Arc::new(border))
+        });
+        border.await.map(Arc::clone)
     }
 
     async fn read(&self, record: &ReconstructionRecord, place: &Place) -> Result<Arc<Volume>> {
@@ -76,7 +106,10 @@ impl Volumes {
         let source = self.store.instance_source(&instances);
         let (limits, place) = (self.limits, place.clone());
         // A client that goes away stops no thread: until it has ended, place and turn are taken.
-        let reading = tokio::task::spawn_blocking(move || (read(&source, &limits, &Silent), place, turn));
+        let threads = Arc::clone(&self.threads);
+        let reading = tokio::task::spawn_blocking(move || {
+            (threads.install(|| read(&source, &limits, &Silent)), place, turn)
+        });
         let (volume, _place, _turn) = reading.await.map_err(Error::internal)?;
         match volume {
             Ok((volume, _warnings)) => Ok(Arc::new(volume)),
@@ -113,7 +146,7 @@ impl Drop for Release {
     fn drop(&mut self) {
         let kept = self.0.kept > 0;
         // What nobody uses stays only if it holds a volume that is to be kept.
-        self.0.slots().retain(|(_, slot)| Arc::strong_count(slot) > 1 || (kept && slot.initialized()));
+        self.0.slots().retain(|(_, slot)| Arc::strong_count(slot) > 1 || (kept && slot.volume.initialized()));
         self.0.released.notify_waiters();
     }
 }

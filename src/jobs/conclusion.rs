@@ -6,7 +6,7 @@ use super::Shared;
 use super::attempt::{Ended, failure_of};
 use super::watch::{Stop, Watch};
 use crate::error::Result;
-use crate::pipeline::{Observer, Reason, Stage};
+use crate::pipeline::{Observer, Stage};
 use crate::reconstruction::{Failure, Product, Report};
 use crate::store::{Claim, Fault, Outcome};
 
@@ -45,12 +45,16 @@ impl Shared {
         let outcome = Outcome {
             report: product.report.to_json(),
             figures: product.report.figures.clone(),
+            quality: product.report.quality.clone(),
             clouds: product.clouds.into(),
         };
         match self.store.finish_success(&claim.lease, &outcome).await {
             Ok(held) => {
                 watch.ended();
                 self.count_rejections(&product.report);
+                if let Some(quality) = &product.report.quality {
+                    self.metrics.verdict_reached(quality.verdict);
+                }
                 self.settled(claim, held).await;
             }
             Err(error) => {
@@ -138,10 +142,8 @@ impl Shared {
 
     fn count_rejections(&self, report: &Report) {
         for summary in &report.planes {
-            for reason in Reason::ALL {
-                if let Some(&slices) = summary.rejected.get(reason.name()) {
-                    self.metrics.slices_rejected(summary.plane, reason, slices);
-                }
+            for (reason, &slices) in &summary.rejected {
+                self.metrics.slices_rejected(summary.plane, reason, slices);
             }
         }
     }

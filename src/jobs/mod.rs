@@ -12,7 +12,7 @@
 //! | what happened | the row |
 //! |---|---|
 //! | clouds and report are stored | `succeeded` |
-//! | the series is at fault, or nothing is left of it (`empty_cloud`) | `failed`, with the report if there is one |
+//! | the series is at fault, or it shows no skin (`empty_cloud`, `no_head`, …) | `failed`, with the report if there is one |
 //! | a passing fault, a full disk, a panic (`internal`) | `queued` after a back-off; `failed` after `jobs.max_attempts` |
 //! | `jobs.timeout` has passed | `failed`, `timeout` |
 //! | the process died | `queued` at the next start; `failed`, `worker_died`, after `jobs.max_attempts` |
@@ -106,6 +106,11 @@ impl Jobs {
         Arc::clone(&self.shared.wakeup)
     }
 
+    /// The pipeline's threads, for what else needs them.
+    pub(crate) fn threads(&self) -> Arc<rayon::ThreadPool> {
+        Arc::clone(&self.shared.threads)
+    }
+
     /// Asks for a reconstruction of the latest revision of a complete series. The same parameters
     /// on the same instances are the same reconstruction: then it is given back as it stands, and
     /// the second value is `false`.
@@ -120,7 +125,7 @@ impl Jobs {
         parameters: Parameters,
     ) -> Result<(ReconstructionRecord, bool)> {
         parameters.check().map_err(|wrong| Error::InvalidParameter {
-            name: wrong.name.to_owned(),
+            name: wrong.name.clone(),
             detail: wrong.to_string(),
         })?;
         let (record, new) =

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::events::{Event, Hub};
 use super::progress::overall;
-use crate::pipeline::{Observer, Stage};
+use crate::pipeline::{Observer, Profile, Stage};
 use crate::store::{ReconstructionId, ReconstructionState};
 use crate::telemetry::Metrics;
 
@@ -38,6 +38,7 @@ struct Progress {
 #[derive(Debug)]
 pub(super) struct Watch {
     id: ReconstructionId,
+    profile: Profile,
     hub: Arc<Hub>,
     metrics: Arc<Metrics>,
     deadline: Instant,
@@ -47,11 +48,18 @@ pub(super) struct Watch {
 
 impl Watch {
     /// An attempt that begins now.
-    pub(super) fn new(id: ReconstructionId, hub: Arc<Hub>, metrics: Arc<Metrics>, timeout: Duration) -> Self {
+    pub(super) fn new(
+        id: ReconstructionId,
+        profile: Profile,
+        hub: Arc<Hub>,
+        metrics: Arc<Metrics>,
+        timeout: Duration,
+    ) -> Self {
         let now = Instant::now();
         let progress = Progress { stage: Stage::Reading, fraction: 0.0, stage_began: now, told: now };
         let watch = Self {
             id,
+            profile,
             hub,
             metrics,
             deadline: now + timeout,
@@ -75,7 +83,7 @@ impl Watch {
     /// The stage that runs and the part of the whole that is done.
     pub(super) fn now(&self) -> (Stage, f64) {
         let progress = self.lock();
-        (progress.stage, overall(progress.stage, progress.fraction))
+        (progress.stage, overall(self.profile, progress.stage, progress.fraction))
     }
 
     /// The last stage has ended.
@@ -89,7 +97,7 @@ impl Watch {
             id: self.id,
             state: ReconstructionState::Running,
             stage: Some(stage),
-            fraction: overall(stage, fraction),
+            fraction: overall(self.profile, stage, fraction),
         });
     }
 
@@ -133,7 +141,7 @@ mod tests {
 
     fn watch(timeout: Duration) -> (Watch, Arc<Hub>) {
         let hub = Arc::new(Hub::default());
-        (Watch::new(ReconstructionId::new(), Arc::clone(&hub), Arc::default(), timeout), hub)
+        (Watch::new(ReconstructionId::new(), Profile::Paper, Arc::clone(&hub), Arc::default(), timeout), hub)
     }
 
     #[test]

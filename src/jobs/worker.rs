@@ -57,8 +57,13 @@ impl Shared {
             "reconstruction begun"
         );
         self.metrics.job_attempted();
-        let watch = Watch::new(id, Arc::clone(&self.hub), Arc::clone(&self.metrics), self.settings.timeout);
-        let watch = Arc::new(watch);
+        let watch = Arc::new(Watch::new(
+            id,
+            reconstruction.parameters.profile,
+            Arc::clone(&self.hub),
+            Arc::clone(&self.metrics),
+            self.settings.timeout,
+        ));
         self.running().insert(id, Arc::clone(&watch));
         let ended = self.attempt(claim, &watch, shutdown).await;
         self.conclude(claim, &watch, ended).await;

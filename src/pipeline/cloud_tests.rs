@@ -24,6 +24,7 @@ fn clouds() -> impl Strategy<Value = PointCloud> {
         points: points.iter().map(|(point, _)| *point).collect(),
         planes: points.iter().map(|&(_, planes)| PlaneSet::from_bits(planes)).collect(),
         unique: vec![false; points.len()],
+        ..PointCloud::default()
     })
 }
 
@@ -118,6 +119,7 @@ fn a_cell_so_small_that_there_are_more_than_2_to_the_63_is_no_obstacle() {
         points: vec![[1e30, -1e30, 0.0], [-1e30, 1e30, f32::MAX], [0.0; 3]],
         planes: vec![PlaneSet::EMPTY; 3],
         unique: vec![false; 3],
+        ..PointCloud::default()
     };
     assert_eq!(voxel_grid(&cloud, 0.05).len(), 3);
     let radius = RadiusOutlier { radius_mm: 0.1, min_neighbours: 1 };

@@ -124,6 +124,8 @@ fn decide_slice(
             solidity: None,
             contour_points: 0,
             carried_area: (carried.0, carried.0),
+            accepted_mm: None,
+            stretches: Vec::new(),
         };
         return (row, Vec::new());
     };
@@ -137,6 +139,8 @@ fn decide_slice(
         solidity: Some(findings.measures.solidity),
         contour_points: contour.len(),
         carried_area: (Some(before), carried.0),
+        accepted_mm: None,
+        stretches: Vec::new(),
     };
     (row, if rejection.is_none() { contour } else { Vec::new() })
 }

@@ -87,7 +87,7 @@ mod tests {
     #[test]
     fn tissue_is_white_from_hu_min_to_hu_max_inclusive() {
         let slice = ndarray::array![[-201_i16, -200, 0, 220, 221, i16::MIN, i16::MAX]];
-        let mask = mask(slice.view(), &Parameters::default());
+        let mask = mask(slice.view(), &Parameters::paper());
         let white: Vec<bool> = (0..7).map(|column| mask.is_white(0, column)).collect();
         assert_eq!(white, [false, true, true, true, false, false, false]);
     }
@@ -96,7 +96,7 @@ mod tests {
     fn masks_made_together_are_those_made_alone() {
         let hu =
             Array3::from_shape_fn((5, 4, 70), |(z, y, x)| ((z * 31 + y * 17 + x * 7) % 600) as i16 - 300);
-        let parameters = Parameters::default();
+        let parameters = Parameters::paper();
         for plane in Plane::ALL {
             let count = slices::count([5, 4, 70], plane);
             let together: Vec<Bitmap> = (0..count)

@@ -1,5 +1,7 @@
-//! The triplanar pipeline of Cvetić et al. 2025 (Bioengineering 12(5), 498: "the paper"), one file
-//! a step. Pure: values in, values out.
+//! The triplanar pipeline, in two profiles. Pure: values in, values out. [`reconstruct()`] runs the
+//! profile that the parameters name.
+//!
+//! `paper` is that of Cvetić et al. 2025 (Bioengineering 12(5), 498: "the paper"), one file a step:
 //!
 //! | step | file | paper |
 //! |---|---|---|
@@ -13,10 +15,14 @@
 //! | sparse and stray points are dropped | [`radius_outlier`], [`statistical_outlier`] | section 2.3 |
 //! | what the axial cloud alone would not have | [`unique`] | section 3.2 |
 //!
-//! [`reconstruct()`] runs them all. What the paper leaves open is as in the program that its
+//! What the paper leaves open is as in the program that its
 //! authors published. Two of that program's ways are not taken: points are in true patient
 //! coordinates, and so neither are two of the planes a slice too low nor is the lower part of a
 //! volume with thick slices cut off.
+//!
+//! `precise` keeps the three planes and a reason for what is left out, and replaces the fixed
+//! thresholds by what the scan shows: its steps are in [`precise`]. `whole_skin` makes its skin the
+//! same kind of [`Reconstruction`].
 
 mod bitmap;
 mod cells;
@@ -28,6 +34,7 @@ pub mod lift;
 pub mod mask;
 mod observer;
 mod outcome;
+mod paper;
 pub mod parameters;
 mod picture;
 pub mod precise;
@@ -42,12 +49,22 @@ mod tests;
 mod thresholds;
 pub mod unique;
 pub mod voxel_grid;
+mod whole_skin;
 
 pub use bitmap::Bitmap;
 pub use observer::{Observer, Silent, Stage};
-pub use outcome::{Figures, PipelineError, Reconstruction, SliceRow};
+pub use outcome::{Decision, Figures, PipelineError, Reconstruction, SliceRow};
 pub use parameters::{Parameters, Profile};
-pub use picture::picture;
+pub use picture::{border_picture, legend, picture};
 pub use reconstruct::reconstruct;
 pub use rejection::{Reason, Rejection};
 pub use thresholds::Thresholds;
+pub use whole_skin::border;
+
+/// The one name of a variant without fields, as it stands in JSON.
+pub(crate) fn name_of(variant: &impl serde::Serialize) -> String {
+    match serde_json::to_value(variant) {
+        Ok(serde_json::Value::String(name)) => name,
+        _ => "unknown".to_owned(),
+    }
+}

@@ -2,7 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A stage of a reconstruction, in the order in which they run.
+use super::parameters::Profile;
+
+/// A stage of a reconstruction, in the order in which they run; each profile has its own of them
+/// ([`Profile::stages`]).
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema,
 )]
@@ -10,15 +13,21 @@ use serde::{Deserialize, Serialize};
 pub enum Stage {
     /// Instances are read and decoded into a volume.
     Reading,
-    /// Axial slices: mask, contour, tests.
+    /// `paper`: axial slices: mask, contour, tests.
     Axial,
-    /// Sagittal slices.
+    /// `paper`: sagittal slices.
     Sagittal,
-    /// Coronal slices.
+    /// `paper`: coronal slices.
     Coronal,
-    /// Points to patient space, voxel grids, merging.
+    /// `precise`: which tissue is the patient, and whether it is a head.
+    Patient,
+    /// `precise`: which border of the patient is skin.
+    Outside,
+    /// `precise`: where exactly the skin crosses the grid lines of the slices.
+    Crossings,
+    /// Points to patient space, one a cell or leaf.
     Downsampling,
-    /// Outlier removal and unique points.
+    /// `paper`: outlier removal and unique points.
     Outliers,
     /// The results are stored.
     Writing,
@@ -26,11 +35,14 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in order.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 10] = [
         Self::Reading,
         Self::Axial,
         Self::Sagittal,
         Self::Coronal,
+        Self::Patient,
+        Self::Outside,
+        Self::Crossings,
         Self::Downsampling,
         Self::Outliers,
         Self::Writing,
@@ -44,9 +56,26 @@ impl Stage {
             Self::Axial => "axial",
             Self::Sagittal => "sagittal",
             Self::Coronal => "coronal",
+            Self::Patient => "patient",
+            Self::Outside => "outside",
+            Self::Crossings => "crossings",
             Self::Downsampling => "downsampling",
             Self::Outliers => "outliers",
             Self::Writing => "writing",
+        }
+    }
+}
+
+impl Profile {
+    /// The stages of a reconstruction with this profile, in their order.
+    #[must_use]
+    pub fn stages(self) -> &'static [Stage] {
+        use Stage::{
+            Axial, Coronal, Crossings, Downsampling, Outliers, Outside, Patient, Reading, Sagittal, Writing,
+        };
+        match self {
+            Self::Paper => &[Reading, Axial, Sagittal, Coronal, Downsampling, Outliers, Writing],
+            Self::Precise => &[Reading, Patient, Outside, Crossings, Downsampling, Writing],
         }
     }
 }

@@ -1,7 +1,17 @@
-//! Every threshold of the pipeline, with the paper's value as its default.
+//! Every parameter of the pipeline, with the paper's value as its default where the paper has one.
+//!
+//! | parameter | `paper` | `precise` |
+//! |---|---|---|
+//! | `leaf_mm` | edge of a cell of the voxel grids | one point for each leaf, on the skin |
+//! | `unique_distance_mm` | yes | yes |
+//! | `hu_min`, `hu_max` | the mask's HU range | not used: its levels come from the scan |
+//! | `radius_outlier`, `statistical_outlier` | yes | not used |
+//! | `thresholds` | yes | not used: its rules are in mm, from the scan |
+//! | `quality` | not used | the limits of the verdict |
 
 use serde::{Deserialize, Serialize};
 
+use super::precise::QualityLimits;
 use super::thresholds::Thresholds;
 
 /// Which pipeline runs.
@@ -9,8 +19,27 @@ use super::thresholds::Thresholds;
 #[serde(rename_all = "snake_case")]
 pub enum Profile {
     /// The published algorithm, decision by decision.
+    // The default of everything that does not say which: this attribute, and `profile` in
+    // `config/triplanar.toml`, which a test holds to it.
     #[default]
     Paper,
+    /// The whole skin in its true place, with a normal and an expected error for each point and a
+    /// verdict on the whole: levels and rules derived from the scan.
+    Precise,
+}
+
+impl Profile {
+    /// All profiles.
+    pub const ALL: [Self; 2] = [Self::Paper, Self::Precise];
+
+    /// The one name in configuration, API, report and command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Precise => "precise",
+        }
+    }
 }
 
 /// The parameters of one reconstruction. Two jobs on the same instances with equal parameters are
@@ -21,30 +50,33 @@ pub enum Profile {
 pub struct Parameters {
     /// Which pipeline runs.
     pub profile: Profile,
-    /// Lowest Hounsfield unit of tissue (paper: −200).
+    /// Lowest Hounsfield unit of tissue (paper: −200). Profile `paper` alone.
     #[schema(minimum = -32768, maximum = 32767)]
     pub hu_min: i32,
-    /// Highest Hounsfield unit of tissue (paper: 220).
+    /// Highest Hounsfield unit of tissue (paper: 220). Profile `paper` alone.
     #[schema(minimum = -32768, maximum = 32767)]
     pub hu_max: i32,
-    /// Edge of a voxel-grid cell, mm (paper: 1).
+    /// Edge of a voxel-grid cell (`paper`), or of the leaf that has one point (`precise`), mm (paper:
+    /// 1).
     #[schema(minimum = 0.05, maximum = 20.0)]
     pub leaf_mm: f32,
-    /// Radius outlier removal.
+    /// Radius outlier removal. Profile `paper` alone.
     pub radius_outlier: RadiusOutlier,
-    /// Statistical outlier removal.
+    /// Statistical outlier removal. Profile `paper` alone.
     pub statistical_outlier: StatisticalOutlier,
     /// A point is unique if no axial point lies nearer than this, mm (paper: 1).
     #[schema(minimum = 0.0, maximum = 1000.0)]
     pub unique_distance_mm: f32,
-    /// Which contours are kept and which slices are rejected.
+    /// Which contours are kept and which slices are rejected. Profile `paper` alone.
     pub thresholds: Thresholds,
+    /// The limits of the verdict. Profile `precise` alone.
+    pub quality: QualityLimits,
 }
 
 impl Default for Parameters {
     fn default() -> Self {
         Self {
-            profile: Profile::Paper,
+            profile: Profile::default(),
             hu_min: -200,
             hu_max: 220,
             leaf_mm: 1.0,
@@ -52,6 +84,7 @@ impl Default for Parameters {
             statistical_outlier: StatisticalOutlier::default(),
             unique_distance_mm: 1.0,
             thresholds: Thresholds::default(),
+            quality: QualityLimits::default(),
         }
     }
 }
@@ -98,7 +131,7 @@ impl Default for StatisticalOutlier {
 #[error("{name} must be {range}, not {value}")]
 pub struct InvalidParameter {
     /// The parameter's name, with dots for nested ones.
-    pub name: &'static str,
+    pub name: String,
     /// What would be right.
     pub range: &'static str,
     /// What was given.
@@ -106,6 +139,18 @@ pub struct InvalidParameter {
 }
 
 impl Parameters {
+    /// The published algorithm with its published values.
+    #[must_use]
+    pub fn paper() -> Self {
+        Self { profile: Profile::Paper, ..Self::default() }
+    }
+
+    /// The profile `precise` with its default values.
+    #[must_use]
+    pub fn precise() -> Self {
+        Self { profile: Profile::Precise, ..Self::default() }
+    }
+
     /// Checks every range.
     ///
     /// # Errors
@@ -126,15 +171,37 @@ impl Parameters {
         within("statistical_outlier.deviations", deviations, 0.0..=1000.0, "within 0 to 1000")?;
         let unique_distance = f64::from(self.unique_distance_mm);
         within("unique_distance_mm", unique_distance, 0.0..=1000.0, "within 0 to 1000 mm")?;
-        self.thresholds.check()
+        self.thresholds.check()?;
+        check_quality(&self.quality)
     }
 }
 
+/// A limit whose name ends in a unit is a measure, any other a share.
+fn check_quality(limits: &QualityLimits) -> Result<(), InvalidParameter> {
+    const UNITS: [&str; 5] = ["_mm", "_cm2", "_cm3", "_hu", "_deg"];
+    let Ok(serde_json::Value::Object(limits)) = serde_json::to_value(limits) else { return Ok(()) };
+    for (name, value) in &limits {
+        // What is not finite has become null.
+        let value = value.as_f64().unwrap_or(f64::NAN);
+        let (allowed, range) = if UNITS.iter().any(|unit| name.ends_with(unit)) {
+            (0.0..=1e6, "within 0 to 1000000")
+        } else {
+            (0.0..=1.0, "a share within 0 to 1")
+        };
+        within(&format!("quality.{name}"), value, allowed, range)?;
+    }
+    Ok(())
+}
+
 pub(super) fn within(
-    name: &'static str,
+    name: &str,
     value: f64,
     allowed: std::ops::RangeInclusive<f64>,
     range: &'static str,
 ) -> Result<(), InvalidParameter> {
-    if allowed.contains(&value) { Ok(()) } else { Err(InvalidParameter { name, range, value }) }
+    if allowed.contains(&value) {
+        Ok(())
+    } else {
+        Err(InvalidParameter { name: name.to_owned(), range, value })
+    }
 }

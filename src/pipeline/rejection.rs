@@ -1,14 +1,21 @@
-//! Why a slice was rejected: one name for each reason, everywhere.
+//! Why a slice, or a stretch of its contour, was rejected: one name for each reason, everywhere.
+
+use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
+use utoipa::openapi::schema::{ObjectBuilder, Schema};
+use utoipa::openapi::{RefOr, Type};
+use utoipa::{PartialSchema, ToSchema};
 
-/// A test of the paper that a slice failed (numbered in the order in which they are made).
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema,
-)]
+use super::precise::StretchReason;
+
+/// A test of the paper that a slice failed (numbered in the order in which they are made), or why
+/// nothing of the contour was accepted under `precise`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
-    /// No contour is large and central enough.
+    /// No contour is large and central enough (`paper`); the slice does not meet the patient's border
+    /// (`precise`).
     NoContour,
     /// Test 1: solidity below the limit for a large contour (paper, Algorithm 2).
     Solidity,
@@ -42,11 +49,14 @@ pub enum Reason {
     LastRow,
     /// Test 11: a small contour reaches far to the left in the middle row.
     AxialMidLeft,
+    /// That of the longest of the stretches, all of which were rejected (`precise`).
+    #[serde(untagged)]
+    Stretch(StretchReason),
 }
 
 impl Reason {
-    /// All reasons, in the order of the tests.
-    pub const ALL: [Self; 15] = [
+    /// The reasons of `paper`, in the order of the tests.
+    pub const PAPER: [Self; 15] = [
         Self::NoContour,
         Self::Solidity,
         Self::FourDirectionDown,
@@ -66,8 +76,9 @@ impl Reason {
 
     /// The name in report, metrics and docs.
     #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
+    pub fn name(self) -> Cow<'static, str> {
+        let name = match self {
+            Self::Stretch(reason) => return Cow::Owned(super::name_of(&reason)),
             Self::NoContour => "no_contour",
             Self::Solidity => "solidity",
             Self::FourDirectionDown => "four_direction_down",
@@ -83,9 +94,30 @@ impl Reason {
             Self::LowerBand30Rows => "lower_band_30_rows",
             Self::LastRow => "last_row",
             Self::AxialMidLeft => "axial_mid_left",
-        }
+        };
+        Cow::Borrowed(name)
     }
 }
+
+/// A text: the name of a test, or that of a stretch's reason.
+impl PartialSchema for Reason {
+    fn schema() -> RefOr<Schema> {
+        let stretches = match StretchReason::schema() {
+            RefOr::T(Schema::Object(names)) => names.enum_values.unwrap_or_default(),
+            _ => Vec::new(),
+        };
+        let names = Self::PAPER.map(|reason| serde_json::Value::from(reason.name()));
+        let about = "Why a slice was rejected: the test of the profile `paper` that it failed, or, under \
+                     `precise`, the reason of the longest of its rejected stretches.";
+        ObjectBuilder::new()
+            .schema_type(Type::String)
+            .description(Some(about))
+            .enum_values(Some(names.into_iter().chain(stretches)))
+            .into()
+    }
+}
+
+impl ToSchema for Reason {}
 
 /// One failed test: what was measured, and the limit that it had to keep.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -103,5 +135,24 @@ impl Rejection {
     #[expect(clippy::cast_precision_loss, reason = "counts of pixels and rows are far below 2^53")]
     pub(super) fn count(reason: Reason, measured: usize, limit: u32) -> Self {
         Self { reason, measured: measured as f64, limit: f64::from(limit) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_reason_has_one_name_in_json_schema_and_metrics() {
+        let RefOr::T(Schema::Object(schema)) = Reason::schema() else { panic!("a text") };
+        let names = schema.enum_values.expect("names");
+        assert!(names.len() > Reason::PAPER.len(), "the stretches' reasons too");
+        for name in &names {
+            let reason: Reason = serde_json::from_value(name.clone()).expect("a reason");
+            assert_eq!(serde_json::to_value(reason).expect("a text"), *name);
+            assert_eq!(reason.name(), name.as_str().expect("a text"));
+        }
+        let unique: std::collections::HashSet<_> = names.iter().map(ToString::to_string).collect();
+        assert_eq!(unique.len(), names.len());
     }
 }

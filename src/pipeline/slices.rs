@@ -8,18 +8,24 @@
 //!
 //! So row 0 is the back of the head in axial slices and the lowest slice (the neck) in the others.
 
-use ndarray::{Array3, ArrayView2, Axis};
+use ndarray::{Array3, ArrayView2};
 
 use super::contour::Pixel;
-use crate::geometry::Plane;
+use crate::geometry::{Axis, Plane};
 
 /// Number of slices of `plane` in a volume of `shape = [nz, ny, nx]`.
 #[must_use]
 pub fn count(shape: [usize; 3], plane: Plane) -> usize {
+    shape[axis(plane) as usize]
+}
+
+/// The array axis along which the slices of `plane` are counted.
+#[must_use]
+pub fn axis(plane: Plane) -> Axis {
     match plane {
-        Plane::Axial => shape[0],
-        Plane::Sagittal => shape[2],
-        Plane::Coronal => shape[1],
+        Plane::Axial => Axis::Z,
+        Plane::Sagittal => Axis::X,
+        Plane::Coronal => Axis::Y,
     }
 }
 
@@ -30,13 +36,9 @@ pub fn view(hu: &Array3<i16>, plane: Plane, index: usize) -> Option<ArrayView2<'
     if index >= count([nz, ny, nx], plane) {
         return None;
     }
-    let mut view = match plane {
-        Plane::Axial => hu.index_axis(Axis(0), index),
-        Plane::Sagittal => hu.index_axis(Axis(2), index),
-        Plane::Coronal => hu.index_axis(Axis(1), index),
-    };
+    let mut view = hu.index_axis(ndarray::Axis(axis(plane) as usize), index);
     if plane != Plane::Axial {
-        view.invert_axis(Axis(0));
+        view.invert_axis(ndarray::Axis(0));
     }
     Some(view)
 }

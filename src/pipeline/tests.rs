@@ -6,7 +6,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use ndarray::Array3;
 
-use super::{Observer, Parameters, PipelineError, Reason, Silent, Stage, picture, reconstruct};
+use super::precise::{BorderPoint, StretchReason};
+use super::{
+    Observer, Parameters, PipelineError, Reason, Silent, Stage, border_picture, legend, picture, reconstruct,
+};
 use crate::dicom::{SeriesIdentity, Volume};
 use crate::geometry::{Axis, Grid, Plane};
 
@@ -39,7 +42,7 @@ fn volume(hu_inside: i16) -> Volume {
 
 #[test]
 fn the_points_of_every_plane_lie_on_the_surface_in_the_patient() {
-    let result = reconstruct(&volume(40), &Parameters::default(), &Silent).expect("an ellipsoid");
+    let result = reconstruct(&volume(40), &Parameters::paper(), &Silent).expect("an ellipsoid");
     assert_eq!(result.slices.len(), SHAPE.iter().sum::<usize>());
     for cloud in result.uniplanar.iter().chain([&result.triplanar]) {
         assert!(cloud.len() > 5_000, "{} points", cloud.len());
@@ -61,7 +64,7 @@ fn the_result_is_the_same_on_any_number_of_threads() {
     let volume = volume(40);
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-        pool.install(|| reconstruct(&volume, &Parameters::default(), &Silent)).expect("an ellipsoid")
+        pool.install(|| reconstruct(&volume, &Parameters::paper(), &Silent)).expect("an ellipsoid")
     };
     let (one, three) = (run(1), run(3));
     assert_eq!(one.triplanar, three.triplanar);
@@ -73,7 +76,7 @@ fn the_result_is_the_same_on_any_number_of_threads() {
 #[test]
 fn a_volume_without_tissue_ends_as_empty_cloud_with_a_reason_for_every_slice() {
     let Err(PipelineError::EmptyCloud { stage, partial }) =
-        reconstruct(&volume(-999), &Parameters::default(), &Silent)
+        reconstruct(&volume(-999), &Parameters::paper(), &Silent)
     else {
         panic!("air has no skin");
     };
@@ -85,7 +88,7 @@ fn a_volume_without_tissue_ends_as_empty_cloud_with_a_reason_for_every_slice() {
 
 #[test]
 fn without_an_accepted_axial_slice_there_is_no_box_and_so_no_point() {
-    let mut parameters = Parameters::default();
+    let mut parameters = Parameters::paper();
     parameters.thresholds.contour.axial_window_max = 150.0;
     let Err(PipelineError::EmptyCloud { partial, .. }) = reconstruct(&volume(40), &parameters, &Silent)
     else {
@@ -99,7 +102,7 @@ fn without_an_accepted_axial_slice_there_is_no_box_and_so_no_point() {
 
 #[test]
 fn a_filter_that_drops_every_point_is_named_and_the_figures_up_to_it_are_kept() {
-    let mut parameters = Parameters::default();
+    let mut parameters = Parameters::paper();
     parameters.radius_outlier.min_neighbours = 100_000;
     let Err(PipelineError::EmptyCloud { stage, partial }) = reconstruct(&volume(40), &parameters, &Silent)
     else {
@@ -132,13 +135,13 @@ fn it_asks_at_least_once_a_slice_whether_to_stop_and_then_stops() {
     let volume = volume(40);
     let watch = |after| Stopping { after, asked: AtomicUsize::new(0), stages: Mutex::default() };
     let patient = watch(usize::MAX);
-    reconstruct(&volume, &Parameters::default(), &patient).expect("an ellipsoid");
+    reconstruct(&volume, &Parameters::paper(), &patient).expect("an ellipsoid");
     let asked = patient.asked.into_inner();
     assert!(asked >= SHAPE.iter().sum(), "asked {asked} times");
     assert_eq!(patient.stages.into_inner().expect("no panic").len(), 5);
 
     for after in [0, 100, asked - 1] {
-        let result = reconstruct(&volume, &Parameters::default(), &watch(after));
+        let result = reconstruct(&volume, &Parameters::paper(), &watch(after));
         assert!(matches!(result, Err(PipelineError::Cancelled)), "after {after}");
     }
 }
@@ -146,7 +149,7 @@ fn it_asks_at_least_once_a_slice_whether_to_stop_and_then_stops() {
 #[test]
 fn a_picture_shows_the_contour_upright_in_its_colour() {
     let volume = volume(40);
-    let parameters = Parameters::default();
+    let parameters = Parameters::paper();
     let green = picture(&volume, &parameters, Plane::Sagittal, 200, true).expect("a slice");
     assert_eq!(green.dimensions(), (400, 130));
     // The top of the ellipsoid: 40 mm above the middle of the volume's 130 slices.
@@ -158,13 +161,53 @@ fn a_picture_shows_the_contour_upright_in_its_colour() {
 }
 
 #[test]
+fn a_border_is_drawn_where_it_was_measured_and_pixels_are_square_in_mm() {
+    let mut volume = volume(40);
+    // Slices 3 mm apart, pixels of 1 mm: upright pictures are 3 times as high.
+    let origins = (0..SHAPE[0]).map(|z| [0.0, 0.0, -3.0 * z as f64]).collect();
+    volume.grid = Grid::new(Axis::Z, origins, [[0.0, 0.0, -3.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]], SHAPE);
+    let at = |index, axis, reason| BorderPoint { index, axis, reason };
+    let touching = Some(StretchReason::Touching);
+    let border = [
+        // Between two slices, above the middle of voxel 10 by a quarter of a slice.
+        at([9.75, 100.0, 50.0], 0, None),
+        // Between two columns, on the patient's left.
+        at([20.0, 100.0, 300.6], 2, touching),
+        // Across the sagittal slice: not in it, but in the axial and the coronal one.
+        at([30.0, 120.0, 50.2], 2, None),
+    ];
+    let sagittal = border_picture(&volume, &border, Plane::Sagittal, 50).expect("a slice");
+    assert_eq!(sagittal.dimensions(), (400, 390));
+    let green: Vec<_> =
+        sagittal.enumerate_pixels().filter(|p| p.2.0 == [0, 255, 0]).map(|p| (p.0, p.1)).collect();
+    // 10.25 slices of 3 px from the top.
+    assert_eq!(green, [(100, 30)]);
+    let coronal = border_picture(&volume, &border, Plane::Coronal, 100).expect("a slice");
+    assert_eq!(coronal.get_pixel(50, 30).0, [0, 255, 0]);
+    for y in 60..63 {
+        assert_eq!(coronal.get_pixel(301, y).0, [255, 0, 0], "as high as its voxel");
+    }
+    assert_ne!(coronal.get_pixel(301, 59).0, [255, 0, 0]);
+    assert_ne!(coronal.get_pixel(301, 63).0, [255, 0, 0]);
+    let axial = border_picture(&volume, &border, Plane::Axial, 30).expect("a slice");
+    assert_eq!(axial.dimensions(), (400, 400));
+    assert_eq!(axial.get_pixel(50, 400 - 1 - 120).0, [0, 255, 0]);
+    assert!(legend().contains(&("touching".to_owned(), "red")), "{:?}", legend());
+}
+
+#[test]
 fn every_threshold_has_a_range() {
     let is_refused = |change: fn(&mut Parameters)| {
-        let mut parameters = Parameters::default();
+        let mut parameters = Parameters::paper();
         change(&mut parameters);
         parameters.check().is_err()
     };
-    Parameters::default().check().expect("the defaults are within their ranges");
+    for profile in [Parameters::paper(), Parameters::precise()] {
+        profile.check().expect("the defaults are within their ranges");
+    }
+    assert!(is_refused(|p| p.quality.coverage = 1.5), "a share above 1");
+    assert!(is_refused(|p| p.quality.slice_mm = -1.0));
+    assert!(is_refused(|p| p.quality.noise_hu = f64::NAN));
     assert!(is_refused(|p| p.unique_distance_mm = -1.0));
     assert!(is_refused(|p| p.thresholds.contour.min_area = f64::NAN));
     assert!(is_refused(|p| p.thresholds.solidity.min_solidity = 1.1));

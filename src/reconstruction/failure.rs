@@ -8,7 +8,7 @@ use crate::dicom::uid::SopInstanceUid;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{code}: {detail}")]
 pub struct Failure {
-    /// Stable code, e.g. `empty_cloud`, `missing_slice`, `cancelled`.
+    /// Stable code, e.g. `empty_cloud`, `no_head`, `missing_slice`, `cancelled`.
     pub code: String,
     /// What went wrong and what to do next.
     pub detail: String,
@@ -21,8 +21,6 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// The code of a run in which no point was left.
-    pub const EMPTY_CLOUD: &'static str = "empty_cloud";
     /// The code of a run that its observer stopped.
     pub const CANCELLED: &'static str = "cancelled";
     /// The code of instances that the storage did not give.
@@ -49,9 +47,9 @@ impl Failure {
         }
     }
 
-    /// Not a point is left; the report says why.
-    pub(super) fn empty_cloud(detail: String, mut report: Report) -> Self {
-        let code = Self::EMPTY_CLOUD.to_owned();
+    /// The pipeline gave no point; the report has a row for every slice.
+    pub(super) fn without_cloud(code: &str, detail: String, mut report: Report) -> Self {
+        let code = code.to_owned();
         report.error = Some(ReportError { code: code.clone(), detail: detail.clone() });
         Self { code, detail, instances: Vec::new(), report: Some(Box::new(report)), transient: false }
     }

@@ -8,7 +8,8 @@ use crate::dicom::Volume;
 use crate::dicom::series::Warning;
 use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
 use crate::geometry::{Axis, Grid, Plane, norm};
-use crate::pipeline::{Figures, Parameters, Reason, SliceRow};
+use crate::pipeline::precise::{Quality, Stretch};
+use crate::pipeline::{Decision, Figures, Parameters, Reason, SliceRow, slices};
 
 /// The report of one reconstruction, successful or not.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -26,6 +27,9 @@ pub struct Report {
     pub volume: VolumeSummary,
     /// Points after each stage, and the figures of the paper (its section 3).
     pub figures: Figures,
+    /// How far the cloud can be trusted: verdict, its reasons and what was measured; `null` under the
+    /// profile `paper`.
+    pub quality: Option<Quality>,
     /// Slices and rejections of each plane: axial, sagittal, coronal.
     pub planes: Vec<PlaneSummary>,
     /// What was unusual about the series and was dealt with.
@@ -86,19 +90,20 @@ pub struct ReportRow {
     /// Index within the plane. Axial: 0 is the most superior slice; sagittal: 0 is the patient's
     /// rightmost; coronal: 0 is the most posterior.
     pub index: usize,
-    /// Whether its contour went into the cloud.
+    /// Whether its contour, or any part of it, went into the cloud.
     pub accepted: bool,
-    /// The test that it failed; `null` for an accepted slice.
+    /// The test that it failed, or the reason of the longest of its rejected stretches; `null` for an
+    /// accepted slice.
     pub reason: Option<Reason>,
-    /// What that test measured, in the test's own unit (px, px², rows, a ratio).
+    /// What that test measured, in the test's own unit (px, px², rows, a ratio, mm, HU).
     pub measured: Option<f64>,
     /// The limit that it was held against, in the same unit.
     pub limit: Option<f64>,
-    /// Area of the contour, px².
+    /// Area of the contour, px²; `paper` alone, as the next one and the carried areas.
     pub contour_area: Option<f64>,
     /// Area of the contour / area of its convex hull.
     pub solidity: Option<f64>,
-    /// Pixels of the contour.
+    /// Pixels of the contour (`paper`), or its crossings with the slice's grid lines (`precise`).
     pub contour_points: usize,
     /// The area carried from slice to slice before this one, px².
     pub carried_area_before: Option<f64>,
@@ -109,11 +114,20 @@ pub struct ReportRow {
     pub position_mm: f64,
     /// The instance that the slice was acquired as: for the plane of acquisition if that is axial.
     pub sop_instance_uid: Option<SopInstanceUid>,
+    /// `accepted`, `partly` or `rejected`.
+    pub decision: Decision,
+    /// Accepted contour, mm; `precise` alone.
+    pub accepted_mm: Option<f64>,
+    /// Rejected contour, mm: the sum of the stretches; `precise` alone.
+    pub rejected_mm: Option<f64>,
+    /// The stretches of the contour that were rejected; empty under `paper`.
+    #[serde(default)]
+    pub stretches: Vec<Stretch>,
 }
 
 impl Report {
-    /// The report of a volume and what the pipeline found in it; warnings, error and refused
-    /// instances are for the caller to add.
+    /// The report of a volume and what the pipeline found in it; quality, warnings, error and
+    /// refused instances are for the caller to add.
     #[must_use]
     pub fn new(volume: &Volume, parameters: &Parameters, figures: &Figures, rows: &[SliceRow]) -> Self {
         let slices: Vec<_> = rows.iter().map(|row| ReportRow::new(row, volume)).collect();
@@ -128,6 +142,7 @@ impl Report {
             error: None,
             volume: VolumeSummary::new(&volume.grid),
             figures: figures.clone(),
+            quality: None,
             planes: PlaneSummary::of(&slices),
             warnings: Vec::new(),
             refused: Vec::new(),
@@ -187,6 +202,10 @@ impl ReportRow {
             carried_area_after: row.carried_area.1,
             position_mm: position(&volume.grid, row.plane, row.index),
             sop_instance_uid: axial_instance,
+            decision: row.decision(),
+            accepted_mm: row.accepted_mm,
+            rejected_mm: row.accepted_mm.map(|_| row.stretches.iter().fold(0.0, |sum, s| sum + s.length_mm)),
+            stretches: row.stretches.clone(),
         }
     }
 }
@@ -194,11 +213,8 @@ impl ReportRow {
 /// LPS coordinate across the plane of the slice's centre: the mean of its two opposite corners.
 fn position(grid: &Grid, plane: Plane, index: usize) -> f64 {
     let last = grid.shape().map(|n| n.saturating_sub(1));
-    let (array_axis, patient_axis) = match plane {
-        Plane::Axial => (Axis::Z, 2),
-        Plane::Sagittal => (Axis::X, 0),
-        Plane::Coronal => (Axis::Y, 1),
-    };
+    let array_axis = slices::axis(plane);
+    let patient_axis = 2 - array_axis as usize;
     let (mut from, mut to) = ([0; 3], last);
     from[array_axis as usize] = index;
     to[array_axis as usize] = index;

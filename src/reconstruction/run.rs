@@ -25,6 +25,7 @@ pub fn run(
         .map_err(|error| from_pipeline(error, &volume, parameters, &warnings))?;
     observer.progress(Stage::Writing, 0.0);
     let report = Report {
+        quality: reconstruction.quality.clone(),
         warnings,
         ..Report::new(&volume, parameters, &reconstruction.figures, &reconstruction.slices)
     };
@@ -47,6 +48,7 @@ fn metadata(volume: &Volume, parameters: &Parameters, plane: Option<Plane>) -> M
         series_instance_uid: volume.identity.series_instance_uid.clone(),
         frame_of_reference_uid: volume.identity.frame_of_reference_uid.clone(),
         plane,
+        max_error_mm: None,
         software: crate::SOFTWARE.to_owned(),
         parameters_json: serde_json::to_string(parameters).expect("parameters are plain numbers and names"),
     }
@@ -58,12 +60,16 @@ fn from_pipeline(
     parameters: &Parameters,
     warnings: &[Warning],
 ) -> Failure {
-    let detail = error.to_string();
+    let (code, detail) = (error.code(), error.to_string());
     match error {
         PipelineError::Cancelled => Failure::cancelled(),
-        PipelineError::EmptyCloud { partial, .. } => {
-            let report = Report::new(volume, parameters, &partial.figures, &partial.slices);
-            Failure::empty_cloud(detail, Report { warnings: warnings.to_vec(), ..report })
+        PipelineError::EmptyCloud { partial, .. } | PipelineError::NoSkin { partial, .. } => {
+            let report = Report {
+                quality: partial.quality.clone(),
+                warnings: warnings.to_vec(),
+                ..Report::new(volume, parameters, &partial.figures, &partial.slices)
+            };
+            Failure::without_cloud(code, detail, report)
         }
     }
 }

@@ -6,9 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use super::ReportRow;
 use crate::geometry::Plane;
+use crate::pipeline::{Decision, Reason};
 
 /// How the slices of one plane fared.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct PlaneSummary {
     /// The plane.
     pub plane: Plane,
@@ -16,10 +17,19 @@ pub struct PlaneSummary {
     pub slices: u64,
     /// Those that have a contour.
     pub with_contour: u64,
-    /// Those whose contour went into the cloud.
+    /// Those whose contour, or a part of it, went into the cloud.
     pub accepted: u64,
+    /// Of these, those of which a part was rejected; profile `precise` alone.
+    pub partly: u64,
     /// Rejected slices by reason; reasons that did not occur are left out.
     pub rejected: BTreeMap<String, u64>,
+    /// Accepted contour of all slices, mm; profile `precise` alone.
+    pub accepted_mm: Option<f64>,
+    /// Rejected contour of all slices, mm; profile `precise` alone.
+    pub rejected_mm: Option<f64>,
+    /// Rejected contour by the reason of its stretches, mm; empty under `paper`.
+    #[serde(default)]
+    pub stretches_mm: BTreeMap<String, f64>,
 }
 
 impl PlaneSummary {
@@ -29,13 +39,35 @@ impl PlaneSummary {
     }
 
     fn of_plane(plane: Plane, rows: &[ReportRow]) -> Self {
-        let mut summary = Self { plane, slices: 0, with_contour: 0, accepted: 0, rejected: BTreeMap::new() };
+        let mut summary = Self {
+            plane,
+            slices: 0,
+            with_contour: 0,
+            accepted: 0,
+            partly: 0,
+            rejected: BTreeMap::new(),
+            accepted_mm: None,
+            rejected_mm: None,
+            stretches_mm: BTreeMap::new(),
+        };
+        let add = |sum: &mut Option<f64>, part: Option<f64>| {
+            if let Some(part) = part {
+                *sum = Some(sum.unwrap_or(0.0) + part);
+            }
+        };
         for row in rows.iter().filter(|row| row.plane == plane) {
             summary.slices += 1;
-            summary.with_contour += u64::from(row.contour_area.is_some());
+            summary.with_contour += u64::from(row.reason != Some(Reason::NoContour));
+            summary.partly += u64::from(row.decision == Decision::Partly);
             match row.reason {
                 None => summary.accepted += 1,
-                Some(reason) => *summary.rejected.entry(reason.name().to_owned()).or_default() += 1,
+                Some(reason) => *summary.rejected.entry(reason.name().into_owned()).or_default() += 1,
+            }
+            add(&mut summary.accepted_mm, row.accepted_mm);
+            add(&mut summary.rejected_mm, row.rejected_mm);
+            for stretch in &row.stretches {
+                let name = Reason::Stretch(stretch.reason).name().into_owned();
+                *summary.stretches_mm.entry(name).or_default() += stretch.length_mm;
             }
         }
         summary

@@ -3,6 +3,7 @@
 use crate::dicom::uid::SopInstanceUid;
 use crate::geometry::Plane;
 use crate::pipeline::Figures;
+use crate::pipeline::precise::Quality;
 
 use super::records::{ReconstructionId, ReconstructionRecord};
 
@@ -45,6 +46,8 @@ pub struct Outcome {
     pub report: Vec<u8>,
     /// The figures for the catalog.
     pub figures: Figures,
+    /// How far the result can be trusted, for the catalog.
+    pub quality: Option<Quality>,
 }
 
 /// Why a reconstruction failed.

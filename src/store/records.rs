@@ -8,6 +8,7 @@ use uuid::Uuid;
 
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
+use crate::pipeline::precise::Quality;
 use crate::pipeline::{Figures, Parameters, Stage};
 
 /// Declares an enum whose variants have one stable name in catalog, API, log and metrics.
@@ -245,6 +246,8 @@ pub struct ReconstructionRecord {
     pub software: String,
     /// Figures of the result.
     pub figures: Option<Figures>,
+    /// How far the result can be trusted, where its profile tells.
+    pub quality: Option<Quality>,
     /// Whether a report is stored (a failed one can have one).
     pub has_report: bool,
     /// When it was asked for.

@@ -61,11 +61,13 @@ impl Store {
     /// A full disk, the catalog's own. The lease holds on.
     pub async fn finish_success(&self, lease: &Lease, outcome: &Outcome) -> Result<bool> {
         let figures = serde_json::to_string(&outcome.figures).map_err(Error::internal)?;
+        let quality =
+            outcome.quality.as_ref().map(serde_json::to_string).transpose().map_err(Error::internal)?;
         let mut files: Vec<(String, Vec<u8>)> =
             outcome.clouds.iter().map(|(plane, bytes)| (cloud_name(*plane), bytes.clone())).collect();
         files.push((REPORT.to_owned(), outcome.report.clone()));
         let prefix = self.write_result(lease, files).await?;
-        let done = self.0.catalog.succeed(lease, &prefix, &figures).await?;
+        let done = self.0.catalog.succeed(lease, &prefix, &figures, quality.as_deref()).await?;
         if !done {
             self.remove_results(vec![prefix]).await?;
         }

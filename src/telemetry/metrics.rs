@@ -11,7 +11,8 @@ use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::registry::{Registry, Unit};
 
 use crate::geometry::Plane;
-use crate::pipeline::{Reason, Stage};
+use crate::pipeline::precise::Verdict;
+use crate::pipeline::{Stage, name_of};
 use crate::store::{CompleteReason, ReconstructionState};
 
 /// The door that an instance came through.
@@ -58,7 +59,12 @@ struct StageLabel {
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct SliceLabels {
     plane: &'static str,
-    reason: &'static str,
+    reason: String,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct VerdictLabel {
+    verdict: String,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
@@ -95,6 +101,7 @@ pub struct Metrics {
     queue_depth: Gauge,
     stages: Family<StageLabel, Histogram, fn() -> Histogram>,
     slices_rejected: Family<SliceLabels, Counter>,
+    verdicts: Family<VerdictLabel, Counter>,
     requests: Family<RequestLabels, Counter>,
     request_durations: Family<RouteLabels, Histogram, fn() -> Histogram>,
     free_disk_bytes: Gauge<u64, AtomicU64>,
@@ -124,6 +131,7 @@ impl Metrics {
             queue_depth: Gauge::default(),
             stages: Family::new_with_constructor(durations),
             slices_rejected: Family::default(),
+            verdicts: Family::default(),
             requests: Family::default(),
             request_durations: Family::new_with_constructor(durations),
             free_disk_bytes: Gauge::default(),
@@ -179,6 +187,11 @@ impl Metrics {
             "slices_rejected",
             "Slices that the pipeline rejected, by plane and reason",
             self.slices_rejected.clone(),
+        );
+        r.register(
+            "verdicts",
+            "Reconstructions of the profile precise that succeeded, by verdict",
+            self.verdicts.clone(),
         );
         r.register(
             "http_requests",
@@ -261,9 +274,14 @@ impl Metrics {
         self.stages.get_or_create(&StageLabel { stage: stage.name() }).observe(took.as_secs_f64());
     }
 
-    /// So many slices of a plane were rejected for a reason.
-    pub fn slices_rejected(&self, plane: Plane, reason: Reason, slices: u64) {
-        let labels = SliceLabels { plane: plane.name(), reason: reason.name() };
+    /// A result was judged.
+    pub fn verdict_reached(&self, verdict: Verdict) {
+        self.verdicts.get_or_create(&VerdictLabel { verdict: name_of(&verdict) }).inc();
+    }
+
+    /// So many slices of a plane were rejected for a reason, named as [`crate::pipeline::Reason`] is.
+    pub fn slices_rejected(&self, plane: Plane, reason: &str, slices: u64) {
+        let labels = SliceLabels { plane: plane.name(), reason: reason.to_owned() };
         self.slices_rejected.get_or_create(&labels).inc_by(slices);
     }
 
@@ -303,7 +321,8 @@ mod tests {
         metrics.association_opened();
         metrics.job_finished(ReconstructionState::Failed);
         metrics.set_queue_depth(3);
-        metrics.slices_rejected(Plane::Axial, Reason::Solidity, 7);
+        metrics.slices_rejected(Plane::Axial, "solidity", 7);
+        metrics.verdict_reached(Verdict::Limited);
         metrics.stage_ended(Stage::Reading, Duration::from_millis(20));
         metrics.http_request("GET", "/v1/series/{uid}", 404, Duration::ZERO);
         metrics.set_free_disk_bytes(12);
@@ -315,6 +334,7 @@ mod tests {
             r#"triplanar_jobs_total{state="succeeded"} 0"#,
             "triplanar_queue_depth 3",
             r#"triplanar_slices_rejected_total{plane="axial",reason="solidity"} 7"#,
+            r#"triplanar_verdicts_total{verdict="limited"} 1"#,
             r#"triplanar_stage_duration_seconds_count{stage="reading"} 1"#,
             r#"triplanar_http_requests_total{method="GET",route="/v1/series/{uid}",status="404"} 1"#,
             "triplanar_free_disk_bytes 12",

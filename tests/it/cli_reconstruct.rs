@@ -35,8 +35,8 @@ fn reconstruct(dir: &Path, arguments: &[&str]) -> (Option<i32>, String, String) 
     (status.code(), text(stdout), text(stderr))
 }
 
-/// Slices that would be too far apart for the published radius filter.
-const COARSE: [&str; 2] = ["--min-neighbours", "0"];
+/// No whole head, and slices that would be too far apart for the published radius filter.
+const COARSE: [&str; 4] = ["--profile", "paper", "--min-neighbours", "0"];
 
 /// Few slices of another series.
 fn other() -> Series {
@@ -104,7 +104,7 @@ fn each_failure_has_its_exit_code_and_leaves_no_cloud() {
         ("a gap", &["gap"], 4, "missing_slice"),
         (
             "nothing found",
-            &["good", "--hu-min", "3000", "--hu-max", "3000", "--report", "r.json"],
+            &["good", "--profile", "paper", "--hu-min", "3000", "--hu-max", "3000", "--report", "r.json"],
             5,
             "empty_cloud",
         ),

@@ -18,7 +18,7 @@ async fn a_series_that_gives_nothing_fails_as_empty_cloud_with_its_report_served
     let Some(data) = data::dir() else { return };
     let files: Vec<_> =
         data::series(&data, "ge_hispeed_tilt_variable", "").into_iter().map(|(_, bytes)| bytes).collect();
-    let service = Settings::new().start();
+    let service = Settings::new().with("pipeline.profile", "paper").start();
     let client = Client::new(service.http);
     pacs::push(&service, &files).await;
     let page = client.json("/v1/series").await;

@@ -37,6 +37,7 @@ async fn any_number_of_threads_and_the_command_line_give_the_same_bytes() {
     let cloud = dir.path().join("cloud.ply");
     let mut command = triplanar();
     command.args(["reconstruct", input.to_str().unwrap(), "-o", cloud.to_str().unwrap()]);
+    command.env("TRIPLANAR_PIPELINE__PROFILE", "paper");
     command.env("TRIPLANAR_PIPELINE__RADIUS_OUTLIER__MIN_NEIGHBOURS", "0");
     let output = run(command);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -18,7 +18,7 @@ fn head() -> Options {
 
 fn cloud(files: Vec<Vec<u8>>) -> PointCloud {
     let product =
-        run(&InMemory(files), &Parameters::default(), &ReadLimits::default(), &Silent).expect("a cloud");
+        run(&InMemory(files), &Parameters::paper(), &ReadLimits::default(), &Silent).expect("a cloud");
     let cloud = decode(&product.clouds[0].1).expect("our own PLY").0;
     for plane in Plane::ALL {
         let share = cloud.planes.iter().filter(|planes| planes.contains(plane)).count() as f64;

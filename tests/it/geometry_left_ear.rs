@@ -58,7 +58,7 @@ fn the_left_ear_is_on_the_left_in_every_format_and_frame() {
     assert!(reach(1.0) > reach(-1.0) + 5.0, "there is an ear, on the left alone");
 
     let files = phantom.instances().into_iter().map(|(_, bytes)| bytes).collect();
-    let mut parameters = Parameters::default();
+    let mut parameters = Parameters::paper();
     parameters.radius_outlier.min_neighbours = 0;
     let product = run(&InMemory(files), &parameters, &ReadLimits::default(), &Silent).expect("a cloud");
     let (cloud, metadata) = ply::decode(&product.clouds[0].1).expect("our own PLY");

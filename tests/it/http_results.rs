@@ -105,6 +105,11 @@ async fn what_cannot_be_served_says_why() {
     problem(get(format!("{cloud}?plane=oblique")).await.unwrap(), 400, "invalid-parameter").await;
     problem(get(format!("{cloud}?frame=ijk")).await.unwrap(), 400, "invalid-parameter").await;
     problem(get(format!("{cloud}?fromat=ply_ascii")).await.unwrap(), 400, "invalid-parameter").await;
+    problem(get(format!("{cloud}?max_error_mm=0.1")).await.unwrap(), 409, "no-expected-errors").await;
+    for wrong in ["x", "-0.1", "nan", "inf", "1e9"] {
+        let asked = get(format!("{cloud}?max_error_mm={wrong}")).await.unwrap();
+        problem(asked, 400, "invalid-parameter").await;
+    }
     let html = server.get(&cloud).header("accept", "text/html").send().await.unwrap();
     problem(html, 406, "not-acceptable").await;
 }
@@ -137,14 +142,16 @@ async fn slices_are_pictures_however_many_ask_at_once() {
         let plane = ["axial", "sagittal", "coronal"][i % 3];
         server.get(&format!("/v1/reconstructions/{id}/slices/{plane}/{}.png", i % 4)).send()
     });
-    for response in futures_util::future::join_all(asked).await {
-        let response = response.unwrap();
+    for (i, response) in futures_util::future::join_all(asked).await.into_iter().enumerate() {
+        let (response, response_plane) = (response.unwrap(), ["axial", "sagittal", "coronal"][i % 3]);
         assert_eq!(
             (response.status().as_u16(), header(&response, "content-type")),
             (200, "image/png".to_owned())
         );
         let picture = image::load_from_memory(&response.bytes().await.unwrap()).expect("a PNG");
-        assert_eq!(picture.width(), 8);
+        // Pixels of 1 mm, slices 2 mm apart: upright pictures are twice as high as there are slices.
+        let height = if response_plane == "axial" { 8 } else { 2 * 10 };
+        assert_eq!((picture.width(), picture.height()), (8, height));
     }
     for nothing in ["axial/10.png", "oblique/0.png", "axial/0.jpg", "axial/-1.png", "axial/99999.png"] {
         let response =

@@ -11,7 +11,7 @@ use crate::support::skin::{coverage, score};
 fn the_papers_cloud_lies_on_the_true_skin_and_its_planes_on_one_another() {
     let options = Options { slices: 160, slice_mm: 1.0, ..Options::default() };
     let phantom = Phantom::new(options).expect("valid options");
-    let found = reconstruct(&phantom.volume(), &Parameters::default(), &Silent).expect("a cloud");
+    let found = reconstruct(&phantom.volume(), &Parameters::paper(), &Silent).expect("a cloud");
     let merged = score(&phantom, &found.triplanar);
     let planes = found.uniplanar.each_ref().map(|cloud| score(&phantom, cloud));
     let coverage = coverage(&phantom, &found.triplanar);

@@ -29,7 +29,7 @@ fn every_stage_at_leaf_0_38_is_the_published_programs() {
 }
 
 fn check(published: &Published, name: &str, leaf: &str) {
-    let parameters = Parameters { leaf_mm: leaf.parse().expect("a number"), ..Parameters::default() };
+    let parameters = Parameters { leaf_mm: leaf.parse().expect("a number"), ..Parameters::paper() };
     let expect = |stage: &str, points: &[[f32; 3]]| {
         let theirs = published.points(&format!("{stage}_leaf{leaf}"));
         same(&format!("{name} {stage} leaf {leaf}"), points, &theirs);
@@ -72,7 +72,7 @@ fn their_unique(published: &Published, leaf: &str) -> Vec<usize> {
 
 fn cloud(points: Vec<[f32; 3]>, plane: Plane) -> PointCloud {
     let (planes, unique) = (vec![PlaneSet::from(plane); points.len()], vec![false; points.len()]);
-    PointCloud { points, planes, unique }
+    PointCloud { points, planes, unique, ..PointCloud::default() }
 }
 
 fn those(points: &[[f32; 3]], kept: &[bool]) -> Vec<[f32; 3]> {

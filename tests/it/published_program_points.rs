@@ -21,7 +21,7 @@ fn raw_points_are_the_published_programs_in_patient_coordinates() {
     let Some(data) = data::dir() else { return };
     for name in STANDARD {
         let volume = instances::volume(&data, name);
-        let decisions = decide(&volume.hu, &Parameters::default(), &Silent).expect("nobody cancels");
+        let decisions = decide(&volume.hu, &Parameters::paper(), &Silent).expect("nobody cancels");
         let published = Published::of(&data, name);
         for (plane, cloud) in Plane::ALL.into_iter().zip(lift(&decisions, &volume.grid)) {
             let theirs = published.points(&format!("raw_{}", plane.name()));

@@ -13,7 +13,7 @@ fn every_slice_is_decided_as_by_the_published_program() {
     let Some(data) = data::dir() else { return };
     for name in SERIES {
         let volume = instances::volume(&data, name);
-        let decisions = decide(&volume.hu, &Parameters::default(), &Silent).expect("nobody cancels");
+        let decisions = decide(&volume.hu, &Parameters::paper(), &Silent).expect("nobody cancels");
         let differences = differences(&decisions, &Published::of(&data, name));
         assert!(
             differences.is_empty(),
@@ -36,7 +36,7 @@ fn differences(decisions: &Decisions, published: &Published) -> Vec<String> {
             plane: our_row.plane,
             index: our_row.index,
             accepted: our_row.rejection.is_none(),
-            reason: our_row.rejection.map_or(String::new(), |r| r.reason.name().to_owned()),
+            reason: our_row.rejection.map_or(String::new(), |r| r.reason.name().into_owned()),
             contour_points: our_row.contour_points,
             contour_area: our_row.contour_area,
             solidity: our_row.solidity,

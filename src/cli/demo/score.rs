@@ -60,7 +60,7 @@ mod tests {
 
     fn cloud(points: Vec<[f32; 3]>) -> PointCloud {
         let (planes, unique) = (vec![PlaneSet::EMPTY; points.len()], vec![false; points.len()]);
-        PointCloud { points, planes, unique }
+        PointCloud { points, planes, unique, ..PointCloud::default() }
     }
 
     fn skin(phantom: &Phantom) -> Vec<[f32; 3]> {

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::values::{self, Which};
 use crate::cli::{Failed, output};
-use crate::cloud::{self, Format};
+use crate::cloud::{self, Format, MaxError, NoErrors};
 use crate::geometry::Frame;
+use crate::pipeline::Profile;
 use crate::reconstruction::Product;
 
 #[derive(Debug, clap::Args)]
@@ -22,6 +23,9 @@ pub(super) struct Destination {
     /// Patient frame of the coordinates, mm
     #[arg(long, value_parser = values::frame(), default_value = "lps")]
     frame: Frame,
+    /// Only the points whose expected error is at most this (profile `precise`)
+    #[arg(long, value_name = "MM")]
+    max_error_mm: Option<MaxError>,
 }
 
 impl Destination {
@@ -40,6 +44,14 @@ impl Destination {
         })
     }
 
+    /// Refuses what clouds of that profile can't give, before they are made.
+    pub(super) fn check(&self, profile: Profile) -> Result<(), Failed> {
+        match (self.max_error_mm, profile) {
+            (Some(_), Profile::Paper) => Err(Failed::usage(format!("--max-error-mm: {NoErrors}"))),
+            _ => Ok(()),
+        }
+    }
+
     /// Writes the cloud that is asked for, whole or not at all.
     pub(super) fn write(&self, product: &Product, format: Format) -> Result<(), Failed> {
         let (_, stored) = product
@@ -48,10 +60,13 @@ impl Destination {
             .find(|(plane, _)| *plane == self.plane.0)
             .expect("a product has the merged cloud and those of all planes");
         // The service stores these bytes and makes the other formats from them, as here.
-        if format == Format::PlyBinary && self.frame == Frame::Lps {
+        if (format, self.frame, self.max_error_mm) == (Format::PlyBinary, Frame::Lps, None) {
             return output::write(&self.output, stored);
         }
-        let (cloud, metadata) = cloud::ply::decode(stored).map_err(Failed::internal)?;
+        let (mut cloud, mut metadata) = cloud::ply::decode(stored).map_err(Failed::internal)?;
+        if let Some(max_error) = self.max_error_mm {
+            max_error.apply(&mut cloud, &mut metadata).map_err(Failed::usage)?;
+        }
         output::write(&self.output, &cloud::encode(&cloud, &metadata, format, self.frame))
     }
 }

@@ -39,12 +39,13 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     let config = args.settings.load()?;
     let parameters = args.thresholds.over(config.pipeline.clone())?;
     let format = args.destination.format()?;
+    args.destination.check(parameters.profile)?;
     let inputs = Inputs::open(&args.input, &config)?;
     for (name, error) in &inputs.refused {
         eprintln!("not used: {name}: {error}");
     }
     let selected = choose::series(&inputs, args.series.as_ref(), config.intake.min_slices)?;
-    let progress = Progress::new();
+    let progress = Progress::new(parameters.profile);
     let outcome = reconstruction::run(&selected, &parameters, &config.read_limits(), &progress);
     progress.finish();
     match outcome {
@@ -73,7 +74,8 @@ fn write_report(path: Option<&PathBuf>, report: &Report) -> Result<(), Failed> {
 
 fn failed(failure: &Failure) -> Failed {
     let exit = match failure.code.as_str() {
-        Failure::EMPTY_CLOUD => Exit::EmptyCloud,
+        // It has got through to the pipeline, and was a volume.
+        _ if failure.report.is_some() => Exit::EmptyCloud,
         Failure::UNREADABLE => Exit::Input,
         Failure::CANCELLED => Exit::Internal,
         _ => Exit::Series,

@@ -5,7 +5,7 @@ use crate::pipeline::{Parameters, Profile};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Thresholds {
-    /// Which pipeline
+    /// Which pipeline; the flags below but --leaf belong to the profile `paper`
     #[arg(long, value_parser = values::profile())]
     profile: Option<Profile>,
     /// Lowest Hounsfield unit of tissue
@@ -14,7 +14,7 @@ pub(super) struct Thresholds {
     /// Highest Hounsfield unit of tissue
     #[arg(long, value_name = "HU", allow_negative_numbers = true)]
     hu_max: Option<i32>,
-    /// Edge of a voxel-grid cell
+    /// Edge of a voxel-grid cell, or of the leaf that has one point
     #[arg(long, value_name = "MM")]
     leaf: Option<f32>,
     /// Radius outlier removal: how far neighbours may be

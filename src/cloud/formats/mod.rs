@@ -16,14 +16,16 @@ use crate::geometry::Frame;
 /// A file format for clouds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize, utoipa::ToSchema)]
 pub enum Format {
-    /// PLY 1.0, binary little endian: x y z float, planes uchar, unique uchar.
+    /// PLY 1.0, binary little endian: x y z float, planes uchar, unique uchar; where known, nx ny nz
+    /// float and expected_error_mm float before these two.
     #[default]
     #[serde(rename = "ply_binary")]
     PlyBinary,
     /// PLY 1.0, text; the floats read back to the same bits.
     #[serde(rename = "ply_ascii")]
     PlyAscii,
-    /// PCD 0.7, binary: x y z F4, planes U1, unique U1.
+    /// PCD 0.7, binary: x y z F4, planes U1, unique U1; where known, normal_x normal_y normal_z F4 and
+    /// expected_error_mm F4 before these two.
     #[serde(rename = "pcd")]
     Pcd,
     /// x y z as little-endian 32-bit floats, nothing else.
@@ -138,35 +140,94 @@ impl std::str::FromStr for Format {
 /// bytes. An empty cloud gives a valid file of 0 points.
 ///
 /// # Panics
-/// If the cloud's three lists differ in length (a mistake of the caller).
+/// If the cloud's lists differ in length (a mistake of the caller).
 #[must_use]
 pub fn encode(cloud: &PointCloud, metadata: &Metadata, format: Format, frame: Frame) -> Vec<u8> {
-    assert!(
-        cloud.planes.len() == cloud.len() && cloud.unique.len() == cloud.len(),
-        "a plane set and a unique flag for each point"
-    );
+    assert!(cloud.is_consistent(), "each list of the cloud has an entry for each point");
     (format.row().encode)(cloud, metadata, frame)
 }
 
-/// The points of the cloud in that frame, with the bytes of their other properties.
-fn vertices(cloud: &PointCloud, frame: Frame) -> impl Iterator<Item = ([f32; 3], [u8; 2])> {
-    let properties = cloud.planes.iter().zip(&cloud.unique);
-    cloud
-        .points
-        .iter()
-        .zip(properties)
-        .map(move |(&point, (planes, &unique))| (frame.from_lps(point), [planes.bits(), u8::from(unique)]))
+/// What a vertex carries in the formats that can say so.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Field {
+    /// Its property in PLY.
+    ply: &'static str,
+    /// Its field in PCD, where the Point Cloud Library has a name of its own.
+    pcd: &'static str,
+    /// Bytes: 4 for a float, 1 for an unsigned one.
+    size: usize,
 }
 
-/// Bytes of a vertex with all properties: three floats and two bytes.
-const VERTEX_SIZE: usize = 14;
+impl Field {
+    const fn float(ply: &'static str, pcd: &'static str) -> Self {
+        Self { ply, pcd, size: 4 }
+    }
 
-/// Appends each vertex as three little-endian floats and its two property bytes.
+    const fn byte(name: &'static str) -> Self {
+        Self { ply: name, pcd: name, size: 1 }
+    }
+}
+
+const POINT: [Field; 3] = [Field::float("x", "x"), Field::float("y", "y"), Field::float("z", "z")];
+const NORMAL: [Field; 3] =
+    [Field::float("nx", "normal_x"), Field::float("ny", "normal_y"), Field::float("nz", "normal_z")];
+const ERROR: [Field; 1] = [Field::float("expected_error_mm", "expected_error_mm")];
+const FLAGS: [Field; 2] = [Field::byte("planes"), Field::byte("unique")];
+
+/// Which of the fields that not every cloud has are there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Layout {
+    normals: bool,
+    errors: bool,
+}
+
+impl Layout {
+    /// All layouts, the barest first.
+    const ALL: [Self; 4] = [
+        Self { normals: false, errors: false },
+        Self { normals: true, errors: false },
+        Self { normals: false, errors: true },
+        Self { normals: true, errors: true },
+    ];
+
+    fn of(cloud: &PointCloud) -> Self {
+        Self { normals: !cloud.normals.is_empty(), errors: !cloud.errors.is_empty() }
+    }
+
+    /// The fields of a vertex in their order: floats first, bytes last.
+    fn fields(self) -> impl Iterator<Item = Field> {
+        let normal = NORMAL.into_iter().filter(move |_| self.normals);
+        let error = ERROR.into_iter().filter(move |_| self.errors);
+        POINT.into_iter().chain(normal).chain(error).chain(FLAGS)
+    }
+
+    /// Bytes of a vertex.
+    fn size(self) -> usize {
+        self.fields().map(|field| field.size).sum()
+    }
+}
+
+/// The floats of the vertex `i` in that frame: point, normal and error, those that there are.
+fn floats(cloud: &PointCloud, i: usize, frame: Frame) -> impl Iterator<Item = f32> {
+    // A direction turns with the axes as a point does.
+    let normal = cloud.normals.get(i).map(|&normal| frame.from_lps(normal));
+    let error = cloud.errors.get(i).copied();
+    frame.from_lps(cloud.points[i]).into_iter().chain(normal.into_iter().flatten()).chain(error)
+}
+
+/// The bytes that end the vertex `i`.
+fn flags(cloud: &PointCloud, i: usize) -> [u8; 2] {
+    [cloud.planes[i].bits(), u8::from(cloud.unique[i])]
+}
+
+/// Appends each vertex as little-endian floats and its two flags.
 fn append_packed(out: &mut Vec<u8>, cloud: &PointCloud, frame: Frame) {
-    out.reserve(cloud.len() * VERTEX_SIZE);
-    for (point, properties) in vertices(cloud, frame) {
-        append_point(out, point);
-        out.extend(properties);
+    out.reserve(cloud.len() * Layout::of(cloud).size());
+    for i in 0..cloud.len() {
+        for value in floats(cloud, i, frame) {
+            out.extend(value.to_le_bytes());
+        }
+        out.extend(flags(cloud, i));
     }
 }
 

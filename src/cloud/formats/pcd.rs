@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::append_packed;
+use super::{Field, Layout, append_packed};
 use crate::cloud::{Metadata, PointCloud};
 use crate::geometry::Frame;
 
@@ -12,13 +12,19 @@ pub(super) fn encode(cloud: &PointCloud, metadata: &Metadata, frame: Frame) -> V
         writeln!(header, "# {key} {value}").expect("writing to a string");
     }
     let points = cloud.len();
+    let fields: Vec<_> = Layout::of(cloud).fields().collect();
+    let column = |text: fn(&Field) -> String| fields.iter().map(text).collect::<Vec<_>>().join(" ");
+    let names = column(|field| field.pcd.to_owned());
+    let sizes = column(|field| field.size.to_string());
+    let types = column(|field| if field.size == 4 { "F" } else { "U" }.to_owned());
+    let counts = column(|_| "1".to_owned());
     write!(
         header,
         "VERSION 0.7\n\
-         FIELDS x y z planes unique\n\
-         SIZE 4 4 4 1 1\n\
-         TYPE F F F U U\n\
-         COUNT 1 1 1 1 1\n\
+         FIELDS {names}\n\
+         SIZE {sizes}\n\
+         TYPE {types}\n\
+         COUNT {counts}\n\
          WIDTH {points}\n\
          HEIGHT 1\n\
          VIEWPOINT 0 0 0 1 0 0 0\n\

@@ -7,7 +7,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use super::{latest_succeeded, off_the_runtime, reconstruction_record};
-use crate::cloud::{Format, encode, ply};
+use crate::cloud::{Format, MaxError, encode, ply};
 use crate::error::{Error, Result};
 use crate::geometry::{Frame, Plane};
 use crate::http::Context;
@@ -58,13 +58,20 @@ pub(in crate::http) struct CloudQuery {
     #[serde(default)]
     #[param(inline, required = false)]
     frame: Frame,
+    /// Only the points whose expected error is at most this, mm. Clouds of the profile `paper` carry no
+    /// expected errors: 409, `no-expected-errors`.
+    #[param(value_type = Option<f32>, minimum = 0.0, maximum = 1000.0)]
+    max_error_mm: Option<MaxError>,
 }
 
 /// The cloud of a reconstruction
 ///
 /// Coordinates are mm in the patient frame; PLY and PCD say in comments which. Vertex properties
-/// beyond x, y, z: `planes` (bit 1 axial, 2 sagittal, 4 coronal: the planes whose points the vertex
-/// stands for) and `unique` (1: no axial point lies within 1 mm).
+/// beyond x, y, z: under the profile `precise` `nx`, `ny`, `nz` (outward unit normal in the same frame;
+/// in PCD `normal_x` …) and `expected_error_mm` (along the normal); under both `planes` (bit 1 axial, 2
+/// sagittal, 4 coronal: the planes whose points the vertex stands for) and `unique` (1: no axial point
+/// lies within `unique_distance_mm`). Clouds of `precise` are in level-of-detail order: the first N
+/// points are a coarse cloud of the whole.
 #[utoipa::path(
     get,
     path = "/v1/reconstructions/{id}/cloud",
@@ -75,7 +82,7 @@ pub(in crate::http) struct CloudQuery {
         (status = 200, description = "The cloud.", content(
             (Vec<u8> = "application/x-ply"), (Vec<u8> = "text/x-ply"), (Vec<u8> = "application/x-pcd"),
             (Vec<u8> = "application/octet-stream"), (Vec<u8> = "application/x-npy"),
-        ), headers(("ETag" = String, description = "Strong; one for each format, frame and coding."))),
+        ), headers(("ETag" = String, description = "Strong; one for each format, frame, filter and coding."))),
         (status = 206, description = "The part that Range asks for.", content(
             (Vec<u8> = "application/x-ply"), (Vec<u8> = "text/x-ply"), (Vec<u8> = "application/x-pcd"),
             (Vec<u8> = "application/octet-stream"), (Vec<u8> = "application/x-npy"),
@@ -83,7 +90,7 @@ pub(in crate::http) struct CloudQuery {
         (status = 304, description = "The client has it: If-None-Match."),
         (status = 404, description = "No such reconstruction."),
         (status = 406, description = "None of the accepted media types is one of ours."),
-        (status = 409, description = "The reconstruction has no cloud (yet)."),
+        (status = 409, description = "The reconstruction has no cloud (yet), or its points no expected errors."),
         (status = 416, description = "The range lies outside."),
     ),
 )]
@@ -115,7 +122,7 @@ pub(in crate::http) async fn reconstruction_cloud(
         (status = 200, description = "The cloud.", content(
             (Vec<u8> = "application/x-ply"), (Vec<u8> = "text/x-ply"), (Vec<u8> = "application/x-pcd"),
             (Vec<u8> = "application/octet-stream"), (Vec<u8> = "application/x-npy"),
-        ), headers(("ETag" = String, description = "Strong; one for each format, frame and coding."))),
+        ), headers(("ETag" = String, description = "Strong; one for each format, frame, filter and coding."))),
         (status = 206, description = "The part that Range asks for.", content(
             (Vec<u8> = "application/x-ply"), (Vec<u8> = "text/x-ply"), (Vec<u8> = "application/x-pcd"),
             (Vec<u8> = "application/octet-stream"), (Vec<u8> = "application/x-npy"),
@@ -123,7 +130,7 @@ pub(in crate::http) async fn reconstruction_cloud(
         (status = 304, description = "The client has it: If-None-Match."),
         (status = 404, description = "No such series."),
         (status = 406, description = "None of the accepted media types is one of ours."),
-        (status = 409, description = "The series has no cloud (yet)."),
+        (status = 409, description = "The series has no cloud (yet), or its points no expected errors."),
         (status = 416, description = "The range lies outside."),
     ),
 )]
@@ -154,10 +161,14 @@ async fn serve(
     }
     let stored = context.store.cloud(record.id, query.plane.plane()).await?;
     off_the_runtime(move || {
-        let bytes = if (format, query.frame) == (Format::PlyBinary, Frame::Lps) {
+        let as_stored = (Format::PlyBinary, Frame::Lps, None);
+        let bytes = if (format, query.frame, query.max_error_mm) == as_stored {
             stored
         } else {
-            let (cloud, metadata) = ply::decode(&stored).map_err(Error::internal)?;
+            let (mut cloud, mut metadata) = ply::decode(&stored).map_err(Error::internal)?;
+            if let Some(max_error) = query.max_error_mm {
+                max_error.apply(&mut cloud, &mut metadata)?;
+            }
             encode(&cloud, &metadata, format, query.frame)
         };
         let representation = Representation {
@@ -195,9 +206,10 @@ fn no_cloud(record: &ReconstructionRecord) -> Error {
     Error::ReconstructionState { state: record.state.name(), detail }
 }
 
-/// `triplanar-<id>[-axial][-ras].ply`: nothing of a patient in it.
+/// `triplanar-<id>[-axial][-max-error-0.1mm][-ras].ply`: nothing of a patient in it.
 fn file_name(record: &ReconstructionRecord, query: &CloudQuery, format: Format) -> String {
     let plane = query.plane.plane().map_or(String::new(), |plane| format!("-{}", plane.name()));
     let frame = if query.frame == Frame::Lps { String::new() } else { format!("-{}", query.frame.name()) };
-    format!("triplanar-{}{plane}{frame}.{}", record.id, format.extension())
+    let filter = query.max_error_mm.map_or(String::new(), |mm| format!("-max-error-{mm}mm"));
+    format!("triplanar-{}{plane}{filter}{frame}.{}", record.id, format.extension())
 }

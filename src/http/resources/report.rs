@@ -20,9 +20,11 @@ const CSV: &str = "text/csv";
 
 /// The report of a reconstruction
 ///
-/// Counts, warnings and a row for each slice of each plane: accepted, or the reason with what was
-/// measured and its limit. A reconstruction that failed in the pipeline has one too. As CSV: the
-/// rows alone.
+/// Counts, warnings, the verdict (profile `precise`) and a row for each slice of each plane:
+/// accepted, partly accepted or rejected, with the reasons, what was measured and its limit; under
+/// `precise` for each stretch of the contour. A reconstruction that failed in the pipeline has one
+/// too. As CSV: the rows alone; `stretches` holds each rejected stretch as
+/// `reason:length_mm:measured:limit`, joined by `|`.
 #[utoipa::path(
     get,
     path = "/v1/reconstructions/{id}/report",

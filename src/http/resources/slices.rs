@@ -15,7 +15,7 @@ use crate::geometry::Plane;
 use crate::http::Context;
 use crate::http::extract::SlicePath;
 use crate::http::representation::Representation;
-use crate::pipeline::picture;
+use crate::pipeline::{Profile, border_picture, picture};
 use crate::store::ReconstructionId;
 
 /// Of a report, what a picture needs.
@@ -33,9 +33,11 @@ struct Decision {
 
 /// A slice with its contour
 ///
-/// PNG: the slice, and drawn over it its contour, green if the slice was accepted, red if not.
-/// `index` counts as in the report: axial from the most superior, sagittal from the patient's
-/// right, coronal from the most posterior.
+/// PNG: the slice in mm proportion (the smaller side of a voxel is a pixel), and drawn over it its
+/// contour. Profile `paper`: green if the slice was accepted, red if not. Profile `precise`: the border
+/// of the patient, accepted stretches green, rejected ones in a colour for each reason. `index` counts
+/// as in the report: axial from the most superior, sagittal from the patient's right, coronal from the
+/// most posterior.
 #[utoipa::path(
     get,
     path = "/v1/reconstructions/{id}/slices/{plane}/{picture}",
@@ -75,8 +77,15 @@ pub(in crate::http) async fn slice_picture(
     }
     let accepted = decision(&context, path.id, plane, index).await?.ok_or_else(no_slice)?;
     let volume = context.volumes.of(&record).await?;
+    let border = match record.parameters.profile {
+        Profile::Paper => None,
+        Profile::Precise => Some(context.volumes.border(&volume).await?),
+    };
     off_the_runtime(move || {
-        let picture = picture(&volume, &record.parameters, plane, index, accepted);
+        let picture = match border {
+            None => picture(&volume, &record.parameters, plane, index, accepted),
+            Some(border) => border_picture(&volume, &border, plane, index),
+        };
         let picture =
             picture.ok_or_else(|| Error::internal("the report has a slice that the volume lacks"))?;
         let mut png = Cursor::new(Vec::new());

@@ -24,7 +24,8 @@ pub(super) type Pool = sqlx::Pool<Db>;
 pub(super) const BEGIN_WRITING: &str = "BEGIN IMMEDIATE";
 
 /// The schema, one step after the other; a released step is never changed.
-pub(super) const MIGRATIONS: &[&str] = &[include_str!("schema/sqlite/0001_catalog.sql")];
+pub(super) const MIGRATIONS: &[&str] =
+    &[include_str!("schema/sqlite/0001_catalog.sql"), include_str!("schema/sqlite/0002_quality.sql")];
 
 /// Readers don't wait for the writer (write-ahead log).
 const READERS: u32 = 4;

@@ -44,12 +44,18 @@ impl Catalog {
     }
 
     /// Marks success; `prefix` is that of the durable result. False: the lease was lost.
-    pub(crate) async fn succeed(&self, lease: &Lease, prefix: &str, figures: &str) -> Result<bool> {
+    pub(crate) async fn succeed(
+        &self,
+        lease: &Lease,
+        prefix: &str,
+        figures: &str,
+        quality: Option<&str>,
+    ) -> Result<bool> {
         let mut tx = self.begin().await?;
         let row = sqlx::query(
             "UPDATE reconstructions SET state = 'succeeded', stage = $3, fraction = 1.0, figures = $4, result = $5, \
              has_report = TRUE, error_code = NULL, error_detail = NULL, error_instances = '[]', finished_ms = $6, \
-             worker = NULL, lease_until_ms = NULL \
+             worker = NULL, lease_until_ms = NULL, quality = $7 \
              WHERE id = $1 AND fence = $2 AND state = 'running' RETURNING *",
         )
         .bind(lease.id.to_string())
@@ -58,6 +64,7 @@ impl Catalog {
         .bind(figures)
         .bind(prefix)
         .bind(now_ms())
+        .bind(quality)
         .fetch_optional(&mut *tx)
         .await?;
         let Some(row) = row else { return Ok(false) };

@@ -165,6 +165,7 @@ pub(super) fn reconstruction(row: &Row) -> Result<ReconstructionRecord> {
         superseded_by: maybe_parsed(row, "superseded_by")?,
         software: row.try_get("software")?,
         figures: maybe_json(row, "figures")?,
+        quality: maybe_json(row, "quality")?,
         has_report: row.try_get("has_report")?,
         created_ms: row.try_get("created_ms")?,
         started_ms: row.try_get("started_ms")?,

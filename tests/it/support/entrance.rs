@@ -9,6 +9,7 @@ use tokio_util::sync::CancellationToken;
 use triplanar::config::Config;
 use triplanar::error::Error;
 use triplanar::intake::{Announced, Encoding, Intake, Receipt, Sender};
+use triplanar::pipeline::Parameters;
 use triplanar::store::{Outcome, SeriesRecord, SeriesState, Store};
 use triplanar::telemetry::Metrics;
 use uuid::Uuid;
@@ -32,6 +33,8 @@ pub(crate) fn settings(data_dir: &Path) -> Config {
     config.intake.quiet = Duration::from_secs(3_600);
     config.intake.quiet_after_association = Duration::from_secs(3_600);
     config.intake.min_slices = 3;
+    // These tests' series are no heads.
+    config.pipeline = Parameters::paper();
     config
 }
 
@@ -123,5 +126,6 @@ pub(crate) fn outcome(cloud: &str) -> Outcome {
         clouds: planes.map(|plane| (plane, format!("{cloud} {plane:?}").into_bytes())).collect(),
         report: format!("{{\"cloud\":\"{cloud}\"}}").into_bytes(),
         figures: triplanar::pipeline::Figures { merged: 7, ..Default::default() },
+        quality: None,
     }
 }

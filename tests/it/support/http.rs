@@ -138,8 +138,12 @@ impl Server {
             let cloud = if plane.is_none() { cloud() } else { PointCloud::default() };
             (plane, encode(&cloud, &metadata(uid, plane), Format::PlyBinary, Frame::Lps))
         });
-        let outcome =
-            Outcome { clouds: clouds.into(), report: report.to_json(), figures: Figures::default() };
+        let outcome = Outcome {
+            clouds: clouds.into(),
+            report: report.to_json(),
+            figures: Figures::default(),
+            quality: None,
+        };
         assert!(self.store.finish_success(&claim.lease, &outcome).await.unwrap());
     }
 }
@@ -151,6 +155,7 @@ pub(crate) fn cloud() -> PointCloud {
         planes: vec![PlaneSet::from(Plane::Axial); points.len()],
         unique: vec![false; points.len()],
         points,
+        ..PointCloud::default()
     }
 }
 
@@ -159,6 +164,7 @@ pub(crate) fn metadata(uid: &SeriesInstanceUid, plane: Option<Plane>) -> Metadat
         series_instance_uid: uid.clone(),
         frame_of_reference_uid: Some("1.2.3".parse().unwrap()),
         plane,
+        max_error_mm: None,
         software: "test".to_owned(),
         parameters_json: "{}".to_owned(),
     }
@@ -174,6 +180,8 @@ fn rows() -> Vec<SliceRow> {
         solidity: Some(0.5),
         contour_points: 12,
         carried_area: (None, None),
+        accepted_mm: None,
+        stretches: Vec::new(),
     };
     let axial = (0..SLICES as usize).map(|index| row(Plane::Axial, index));
     let sagittal = (0..8).map(|index| row(Plane::Sagittal, index));

@@ -34,8 +34,8 @@ pub(crate) fn series(options: Options) -> Series {
     Series { uid, files: phantom.instances().into_iter().map(|(_, bytes)| bytes).collect() }
 }
 
-/// Settings under which [`small`] gives a cloud: its slices are too far apart for the published
-/// radius filter.
+/// Settings under which [`small`] gives a cloud: it is no whole head, and its slices are too far
+/// apart for the published radius filter.
 pub(crate) fn settings() -> Settings {
-    Settings::new().with("pipeline.radius_outlier.min_neighbours", "0")
+    Settings::new().with("pipeline.profile", "paper").with("pipeline.radius_outlier.min_neighbours", "0")
 }

@@ -1,7 +1,7 @@
 //! Reading back our own PLY.
 
-use super::{ASCII, BINARY, PROPERTIES};
-use crate::cloud::formats::VERTEX_SIZE;
+use super::{ASCII, BINARY, property};
+use crate::cloud::formats::Layout;
 use crate::cloud::metadata::{TRIPLANAR, key};
 use crate::cloud::{Metadata, PointCloud};
 use crate::geometry::{Frame, Plane, PlaneSet};
@@ -41,14 +41,14 @@ pub fn decode(bytes: &[u8]) -> Result<(PointCloud, Metadata), PlyError> {
             (false, line) => header.line(line)?,
         }
     }
-    let (encoding, promised, frame, metadata) = header.finish()?;
+    let (encoding, layout, promised, frame, metadata) = header.finish()?;
     let mut cloud = match encoding {
-        Encoding::Binary => packed(rest, promised)?,
-        Encoding::Ascii => text(rest, promised)?,
+        Encoding::Binary => packed(rest, promised, layout)?,
+        Encoding::Ascii => text(rest, promised, layout)?,
     };
-    for point in &mut cloud.points {
+    for vector in cloud.points.iter_mut().chain(&mut cloud.normals) {
         // Negating two axes is its own inverse.
-        *point = frame.from_lps(*point);
+        *vector = frame.from_lps(*vector);
     }
     Ok((cloud, metadata))
 }
@@ -71,7 +71,7 @@ enum Encoding {
 struct Header {
     encoding: Option<Encoding>,
     vertices: Option<usize>,
-    properties: usize,
+    properties: Vec<String>,
     comments: Vec<(String, String)>,
 }
 
@@ -89,25 +89,22 @@ impl Header {
                 let count = value.strip_prefix("vertex ").and_then(|n| n.parse().ok());
                 self.vertices = Some(count.ok_or_else(unknown)?);
             }
-            "property" => {
-                let expected = PROPERTIES.get(self.properties).map(|(kind, name)| format!("{kind} {name}"));
-                if expected.as_deref() != Some(value) {
-                    return Err(unknown());
-                }
-                self.properties += 1;
-            }
+            "property" => self.properties.push(value.to_owned()),
             _ => return Err(unknown()),
         }
         Ok(())
     }
 
-    fn finish(self) -> Result<(Encoding, usize, Frame, Metadata), PlyError> {
+    fn finish(self) -> Result<(Encoding, Layout, usize, Frame, Metadata), PlyError> {
         let lacks = |what: &str| PlyError::Header(format!("its header lacks {what}"));
         let encoding = self.encoding.ok_or_else(|| lacks("`format`"))?;
         let vertices = self.vertices.ok_or_else(|| lacks("`element vertex`"))?;
-        if self.properties != PROPERTIES.len() {
-            return Err(lacks("a property"));
-        }
+        let layout = Layout::ALL
+            .into_iter()
+            .find(|layout| layout.fields().map(property).eq(self.properties.iter().cloned()))
+            .ok_or_else(|| {
+                PlyError::Header(format!("its properties are not ours: {}", self.properties.join(", ")))
+            })?;
         let comment =
             |key: &str| self.comments.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str());
         let joined = |key: &str| {
@@ -129,10 +126,11 @@ impl Header {
             series_instance_uid: uid(key::SERIES).ok_or_else(|| lacks("`series_instance_uid`"))?,
             frame_of_reference_uid: comment(key::FRAME_OF_REFERENCE).and_then(|text| text.parse().ok()),
             plane,
+            max_error_mm: comment(key::MAX_ERROR).and_then(|text| text.parse().ok()),
             software: joined(key::SOFTWARE),
             parameters_json: joined(key::PARAMETERS),
         };
-        Ok((encoding, vertices, frame.ok_or_else(|| lacks("`frame`"))?, metadata))
+        Ok((encoding, layout, vertices, frame.ok_or_else(|| lacks("`frame`"))?, metadata))
     }
 }
 
@@ -144,39 +142,53 @@ fn encoding(format: &str) -> Option<Encoding> {
     }
 }
 
-fn packed(bytes: &[u8], promised: usize) -> Result<PointCloud, PlyError> {
-    if promised.checked_mul(VERTEX_SIZE) != Some(bytes.len()) {
+fn packed(bytes: &[u8], promised: usize, layout: Layout) -> Result<PointCloud, PlyError> {
+    if promised.checked_mul(layout.size()) != Some(bytes.len()) {
         return Err(PlyError::Length { promised });
     }
     let mut cloud = PointCloud::default();
-    for vertex in bytes.as_chunks::<VERTEX_SIZE>().0 {
-        let [x0, x1, x2, x3, y0, y1, y2, y3, z0, z1, z2, z3, planes, unique] = *vertex;
-        let point = [[x0, x1, x2, x3], [y0, y1, y2, y3], [z0, z1, z2, z3]].map(f32::from_le_bytes);
-        push(&mut cloud, point, planes, unique);
+    for vertex in bytes.chunks_exact(layout.size()) {
+        let (floats, flags) = vertex.as_chunks::<4>();
+        let floats = floats.iter().map(|bytes| f32::from_le_bytes(*bytes));
+        let [planes, unique] = *flags else { return Err(PlyError::Length { promised }) };
+        push(&mut cloud, layout, floats, planes, unique).ok_or(PlyError::Length { promised })?;
     }
     Ok(cloud)
 }
 
-fn text(bytes: &[u8], promised: usize) -> Result<PointCloud, PlyError> {
+fn text(bytes: &[u8], promised: usize, layout: Layout) -> Result<PointCloud, PlyError> {
     let text = std::str::from_utf8(bytes).map_err(|_| PlyError::Vertex(0))?;
     let mut cloud = PointCloud::default();
     for (index, line) in text.lines().enumerate() {
-        let (point, planes, unique) = vertex(line).ok_or(PlyError::Vertex(index))?;
-        push(&mut cloud, point, planes, unique);
+        push_line(&mut cloud, layout, line).ok_or(PlyError::Vertex(index))?;
     }
     if cloud.len() == promised { Ok(cloud) } else { Err(PlyError::Length { promised }) }
 }
 
-fn vertex(line: &str) -> Option<([f32; 3], u8, u8)> {
-    let mut words = line.split_ascii_whitespace();
-    let mut coordinate = || words.next()?.parse().ok();
-    let point = [coordinate()?, coordinate()?, coordinate()?];
-    let vertex = (point, words.next()?.parse().ok()?, words.next()?.parse().ok()?);
-    words.next().is_none().then_some(vertex)
+fn push_line(cloud: &mut PointCloud, layout: Layout, line: &str) -> Option<()> {
+    let words: Vec<&str> = line.split_ascii_whitespace().collect();
+    let (floats, [planes, unique]) = words.split_last_chunk()?;
+    let floats = floats.iter().map(|word| word.parse()).collect::<Result<Vec<f32>, _>>().ok()?;
+    push(cloud, layout, floats.into_iter(), planes.parse().ok()?, unique.parse().ok()?)
 }
 
-fn push(cloud: &mut PointCloud, point: [f32; 3], planes: u8, unique: u8) {
-    cloud.points.push(point);
+/// Appends a vertex; `None` if there are too few or too many floats.
+fn push(
+    cloud: &mut PointCloud,
+    layout: Layout,
+    mut floats: impl Iterator<Item = f32>,
+    planes: u8,
+    unique: u8,
+) -> Option<()> {
+    let mut vector = || Some([floats.next()?, floats.next()?, floats.next()?]);
+    cloud.points.push(vector()?);
+    if layout.normals {
+        cloud.normals.push(vector()?);
+    }
+    if layout.errors {
+        cloud.errors.push(floats.next()?);
+    }
     cloud.planes.push(PlaneSet::from_bits(planes));
     cloud.unique.push(unique != 0);
+    floats.next().is_none().then_some(())
 }

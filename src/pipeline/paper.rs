@@ -1,0 +1,76 @@
+//! The profile `paper`: the published pipeline, step by step.
+
+use super::decisions::decide;
+use super::lift::lift;
+use super::observer::{Observer, Stage};
+use super::outcome::{Figures, PipelineError, Reconstruction, count};
+use super::parameters::Parameters;
+use super::voxel_grid::voxel_grid;
+use super::{radius_outlier, statistical_outlier};
+use crate::cloud::PointCloud;
+use crate::dicom::Volume;
+
+/// Reconstructs the skin surface of a head from a CT volume (paper, section 2).
+///
+/// # Errors
+/// [`PipelineError::EmptyCloud`] with everything found so far if no point is left,
+/// [`PipelineError::Cancelled`] if the observer asks for it.
+pub(super) fn reconstruct(
+    volume: &Volume,
+    parameters: &Parameters,
+    observer: &dyn Observer,
+) -> Result<Reconstruction, PipelineError> {
+    let decisions = decide(&volume.hu, parameters, observer)?;
+
+    enter(observer, Stage::Downsampling)?;
+    let raw = lift(&decisions, &volume.grid);
+    let mut result = Reconstruction {
+        triplanar: PointCloud::default(),
+        uniplanar: raw.each_ref().map(|cloud| voxel_grid(cloud, parameters.leaf_mm)),
+        figures: Figures { raw: raw.each_ref().map(count), ..Figures::default() },
+        slices: decisions.rows,
+        quality: None,
+    };
+    drop(raw);
+    result.triplanar = voxel_grid(&concatenated(&result.uniplanar), parameters.leaf_mm);
+    result.note_merged();
+    observer.progress(Stage::Downsampling, 1.0);
+    let mut result = result.unless_empty("the tests of the slices")?;
+
+    enter(observer, Stage::Outliers)?;
+    let keep = radius_outlier::kept(&result.triplanar.points, &parameters.radius_outlier);
+    result.triplanar.retain(&keep);
+    result.figures.after_radius = count(&result.triplanar);
+    let mut result = result.unless_empty("radius outlier removal")?;
+    progress(observer, Stage::Outliers, 0.3)?;
+
+    let keep = statistical_outlier::kept(&result.triplanar.points, &parameters.statistical_outlier);
+    result.triplanar.retain(&keep);
+    result.figures.after_statistical = count(&result.triplanar);
+    let mut result = result.unless_empty("statistical outlier removal")?;
+    progress(observer, Stage::Outliers, 0.8)?;
+
+    result.mark_unique(parameters.unique_distance_mm);
+    observer.progress(Stage::Outliers, 1.0);
+    Ok(result)
+}
+
+fn enter(observer: &dyn Observer, stage: Stage) -> Result<(), PipelineError> {
+    progress(observer, stage, 0.0)
+}
+
+fn progress(observer: &dyn Observer, stage: Stage, fraction: f64) -> Result<(), PipelineError> {
+    observer.progress(stage, fraction);
+    if observer.cancelled() { Err(PipelineError::Cancelled) } else { Ok(()) }
+}
+
+/// The clouds one after the other.
+fn concatenated(clouds: &[PointCloud; 3]) -> PointCloud {
+    let mut whole = PointCloud::default();
+    for cloud in clouds {
+        whole.points.extend_from_slice(&cloud.points);
+        whole.planes.extend_from_slice(&cloud.planes);
+        whole.unique.extend_from_slice(&cloud.unique);
+    }
+    whole
+}
