@@ -1,0 +1,50 @@
+//! Where in the scan the patient is: a wide field of view is mostly air and couch, and the fine
+//! survey is for the patient.
+
+use super::couch;
+use super::distance::squared_distance;
+use super::levels::Levels;
+use super::patient::Cell;
+use super::pieces::Pieces;
+use super::space::Space;
+use super::survey::{Cells, Survey, whole};
+use crate::geometry::Vec3;
+
+/// Edge of the cells of the first look, mm.
+const EDGE_MM: f64 = 4.0;
+/// What is thicker than twice this may be the patient, mm.
+const BALL_MM: f64 = 12.0;
+/// A thick piece with one part in so many of the largest one's cells may be the patient's: a head
+/// whose neck is thin.
+const SHARE: u64 = 20;
+/// Ears, nose and what hangs on the patient reach no further from what is thick, mm; and some air
+/// has to be in view beside them.
+const ROOM_MM: f64 = 45.0;
+
+/// The box of the patient with some room, LPS mm, not beyond the scan and its margin; the whole
+/// scan if nothing in it is thick.
+#[expect(clippy::cast_precision_loss, reason = "a survey has far fewer than 2^53 cells")]
+pub(super) fn bounds(space: &Space, levels: &Levels) -> [Vec3; 2] {
+    let all = whole(space);
+    let survey = Survey::of(space, Cells::of_edge(all, EDGE_MM));
+    let cells = survey.cells;
+    let mut kinds = super::patient::tissue(&survey, levels);
+    couch::mark(&survey, &mut kinds);
+    let depth =
+        squared_distance(cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
+    let thick = Pieces::of(cells.shape, |i| depth[i] == u16::MAX);
+    let Some(main) = thick.largest() else { return all };
+    let least = thick.sizes()[main as usize] / SHARE;
+    let (mut low, mut high) = ([usize::MAX; 3], [0; 3]);
+    thick.each_row(|[y, z], run| {
+        if thick.sizes()[run.piece as usize] >= least {
+            low = [low[0].min(run.start as usize), low[1].min(y), low[2].min(z)];
+            high = [high[0].max(run.end as usize), high[1].max(y), high[2].max(z)];
+        }
+    });
+    let place = |v: usize, a: usize| all[0][a] + v as f64 * EDGE_MM;
+    [
+        [0, 1, 2].map(|a| (place(low[a], a) - BALL_MM - ROOM_MM).max(all[0][a])),
+        [0, 1, 2].map(|a| (place(high[a], a) + BALL_MM + ROOM_MM).min(all[1][a])),
+    ]
+}
