@@ -16,9 +16,9 @@ impl fmt::Display for VerdictLines<'_> {
         writeln!(f, "verdict      {}{because}", name_of(&quality.verdict))?;
         writeln!(
             f,
-            "coverage     {:.1} % of the skin in view ({:.1} cm² rejected)",
+            "coverage     {:.1} % of the head's skin in view ({:.1} cm² missing)",
             100.0 * quality.coverage,
-            quality.rejected_cm2 + 0.0
+            quality.missing.iter().fold(0.0, |sum, m| sum + m.area_cm2)
         )?;
         writeln!(
             f,

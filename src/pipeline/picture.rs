@@ -21,15 +21,11 @@ const ACCEPTED: Rgb<u8> = Rgb([0, 255, 0]);
 const REJECTED: Rgb<u8> = Rgb([255, 0, 0]);
 /// Colours of rejected stretches with their names, in the order of the reasons; after the last the
 /// first comes again.
-const STRETCHES: [(&str, Rgb<u8>); 8] = [
+const STRETCHES: [(&str, Rgb<u8>); StretchReason::ALL.len()] = [
     ("red", REJECTED),
     ("orange", Rgb([255, 150, 0])),
     ("blue", Rgb([70, 130, 255])),
     ("magenta", Rgb([255, 0, 255])),
-    ("yellow", Rgb([255, 255, 0])),
-    ("cyan", Rgb([0, 255, 255])),
-    ("violet", Rgb([160, 80, 255])),
-    ("pink", Rgb([255, 160, 190])),
 ];
 /// HU shown black and white: the soft tissue that the paper's mask looks for, and some more.
 const WINDOW: (f32, f32) = (-400.0, 400.0);
@@ -88,20 +84,12 @@ pub fn border_picture(
 
 /// What the colours of [`border_picture`] mean: each reason's name with that of its colour.
 #[must_use]
-pub fn legend() -> Vec<(String, &'static str)> {
-    let names = match StretchReason::schema() {
-        RefOr::T(Schema::Object(names)) => names.enum_values.unwrap_or_default(),
-        _ => Vec::new(),
-    };
-    let named = |name: &serde_json::Value| {
-        let reason: StretchReason = serde_json::from_value(name.clone()).ok()?;
-        Some((name.as_str()?.to_owned(), STRETCHES[reason as usize % STRETCHES.len()].0))
-    };
-    names.iter().filter_map(named).collect()
+pub fn legend() -> Vec<(&'static str, &'static str)> {
+    StretchReason::ALL.map(|reason| (reason.name(), STRETCHES[reason as usize].0)).into()
 }
 
 fn colour(reason: StretchReason) -> Rgb<u8> {
-    STRETCHES[reason as usize % STRETCHES.len()].1
+    STRETCHES[reason as usize].1
 }
 
 /// A picture that grows, in the rows and columns of its slice.

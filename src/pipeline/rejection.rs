@@ -1,7 +1,5 @@
 //! Why a slice, or a stretch of its contour, was rejected: one name for each reason, everywhere.
 
-use std::borrow::Cow;
-
 use serde::{Deserialize, Serialize};
 use utoipa::openapi::schema::{ObjectBuilder, Schema};
 use utoipa::openapi::{RefOr, Type};
@@ -76,9 +74,9 @@ impl Reason {
 
     /// The name in report, metrics and docs.
     #[must_use]
-    pub fn name(self) -> Cow<'static, str> {
-        let name = match self {
-            Self::Stretch(reason) => return Cow::Owned(super::name_of(&reason)),
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stretch(reason) => reason.name(),
             Self::NoContour => "no_contour",
             Self::Solidity => "solidity",
             Self::FourDirectionDown => "four_direction_down",
@@ -94,18 +92,14 @@ impl Reason {
             Self::LowerBand30Rows => "lower_band_30_rows",
             Self::LastRow => "last_row",
             Self::AxialMidLeft => "axial_mid_left",
-        };
-        Cow::Borrowed(name)
+        }
     }
 }
 
 /// A text: the name of a test, or that of a stretch's reason.
 impl PartialSchema for Reason {
     fn schema() -> RefOr<Schema> {
-        let stretches = match StretchReason::schema() {
-            RefOr::T(Schema::Object(names)) => names.enum_values.unwrap_or_default(),
-            _ => Vec::new(),
-        };
+        let stretches = StretchReason::ALL.map(|reason| serde_json::Value::from(reason.name()));
         let names = Self::PAPER.map(|reason| serde_json::Value::from(reason.name()));
         let about = "Why a slice was rejected: the test of the profile `paper` that it failed, or, under \
                      `precise`, the reason of the longest of its rejected stretches.";

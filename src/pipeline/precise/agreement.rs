@@ -25,7 +25,6 @@ pub(super) struct Agreement {
 }
 
 impl Agreement {
-    pub(super) fn debug(&self) -> usize { self.neighbours } // DEBUG
     /// Whether there were enough neighbours to say anything.
     pub(super) fn is_known(&self) -> bool {
         self.neighbours >= LEAST
@@ -43,7 +42,10 @@ pub(super) struct Neighbourhood {
 
 impl Neighbourhood {
     /// Sorts the crossings into cubes.
-    #[expect(clippy::cast_possible_truncation, reason = "crossings are counted in 32 bits; places to 1e-4 mm")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "crossings are counted in 32 bits; places to 1e-4 mm"
+    )]
     pub(super) fn of(crossings: &[Crossing]) -> Self {
         let mut keyed: Vec<(u64, u32)> =
             crossings.par_iter().enumerate().map(|(i, c)| (key(c.place, REACH_MM), i as u32)).collect();
@@ -67,8 +69,7 @@ impl Neighbourhood {
         for z in [-REACH_MM, 0.0, REACH_MM] {
             for y in [-REACH_MM, 0.0, REACH_MM] {
                 // Three cubes along x follow each other.
-                let [low, high] =
-                    [-REACH_MM, REACH_MM].map(|x| key(add(place, [x, y, z]), REACH_MM));
+                let [low, high] = [-REACH_MM, REACH_MM].map(|x| key(add(place, [x, y, z]), REACH_MM));
                 let from = self.cubes.partition_point(|c| c.0 < low);
                 let to = from + self.cubes[from..].iter().take_while(|c| c.0 <= high).count();
                 if from < to {

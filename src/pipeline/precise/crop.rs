@@ -30,8 +30,7 @@ pub(super) fn bounds(space: &Space, levels: &Levels) -> [Vec3; 2] {
     let cells = survey.cells;
     let mut kinds = super::patient::tissue(&survey, levels);
     couch::mark(&survey, &mut kinds);
-    let depth =
-        squared_distance(cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
+    let depth = squared_distance(cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
     let thick = Pieces::of(cells.shape, |i| depth[i] == u16::MAX);
     let Some(main) = thick.largest() else { return all };
     let least = thick.sizes()[main as usize] / SHARE;

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::edge::{self, Profile};
 use super::levels::Levels;
-use super::outside::{Outside, Side};
+use super::outside::{Beyond, Outside};
 use super::patient::{Cell, Patient};
 use super::regions::Regions;
 use super::space::Space;
@@ -153,26 +153,23 @@ impl Search<'_> {
             return None;
         }
         match self.outside.beyond(place, normal) {
-            Side::Outside => {}
-            Side::Canal(mm) => return doubt(StretchReason::Canal, mm, self.outside.reach_mm()),
-            Side::Inside => return None,
+            Beyond::Outside => {}
+            Beyond::Canal(mm) => return doubt(StretchReason::Canal, mm, self.outside.reach_mm()),
+            Beyond::Inside => return None,
         }
         let (seen, padding) = (self.space.voxel(outer), self.levels.padding());
         if seen < padding {
             return doubt(StretchReason::FieldOfView, f64::from(seen), f64::from(padding));
         }
-        if let Some(mm) = self.foreign(place, normal) {
-            return doubt(StretchReason::Touching, mm, BESIDE_MM.max(DEPTHS[3] * self.patient.survey.cells.edge));
+        if let Some(mm) = self.behind(place, normal) {
+            return doubt(StretchReason::Foreign, mm, DEPTHS[3] * self.patient.survey.cells.edge);
+        }
+        if let Some(mm) = self.beside(place, normal) {
+            return doubt(StretchReason::Touching, mm, BESIDE_MM);
         }
         let (tissue, air) = self.around(place, normal);
         let inner = inner_voxel;
         Some(Ok(Candidate { inner, axis: axis as u8, ascending, place, normal, tissue, air }))
-    }
-
-    /// How near something that is not the patient is: behind the border, or beside it without a gap
-    /// between; `None` if the patient alone is there.
-    fn foreign(&self, p: Vec3, n: Vec3) -> Option<f64> {
-        self.beside(p, n).or_else(|| self.behind(p, n))
     }
 
     /// How far beside the border, no higher than the skin, the nearest cell is that is not the

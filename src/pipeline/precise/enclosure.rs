@@ -4,17 +4,49 @@ use super::survey::Cells;
 
 /// How far the view goes, mm.
 const VIEW_MM: f64 = 60.0;
+/// How far the view for a brain's shell goes, mm.
+const FAR_MM: f64 = 160.0;
+
+/// What a ray meets in a cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Seen {
+    /// What it looks for.
+    Wanted,
+    /// Something else: it goes on.
+    Other,
+    /// The end of the scan.
+    Nothing,
+}
 
 /// The share of the 26 directions from a cell in which a ray meets the body within 60 mm, 0 to 1:
 /// about a half on the outside of a face, nearly one in a sinus.
-#[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "at most 26 rays of 60 steps")]
+#[expect(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    reason = "at most 26 rays of 60 steps"
+)]
 pub(super) fn enclosure(cells: &Cells, cell: usize, is_body: impl Fn(usize) -> bool) -> f64 {
     let steps = (VIEW_MM / cells.edge) as isize;
     let from = cells.cell(cell);
-    let met = directions().filter(|&d| {
-        (1..=steps).map_while(|n| step(cells, from, d, n)).any(&is_body)
-    });
+    let met = directions().filter(|&d| (1..=steps).map_while(|n| step(cells, from, d, n)).any(&is_body));
     met.count() as f64 / 26.0
+}
+
+/// In how many of the 26 directions a ray meets what it looks for, and how many do not leave the
+/// scan before.
+#[expect(clippy::cast_possible_truncation, reason = "at most 160 steps")]
+pub(super) fn view(cells: &Cells, cell: usize, look: impl Fn(usize) -> Seen) -> (usize, usize) {
+    let steps = (FAR_MM / cells.edge) as isize;
+    let from = cells.cell(cell);
+    let (mut met, mut ended) = (0, 0);
+    for direction in directions() {
+        let first = (1..=steps)
+            .map(|n| step(cells, from, direction, n).map_or(Seen::Nothing, &look))
+            .find(|seen| *seen != Seen::Other);
+        met += usize::from(first == Some(Seen::Wanted));
+        ended += usize::from(first != Some(Seen::Nothing));
+    }
+    (met, ended)
 }
 
 /// The cell `n` steps along a direction; `None` outside the survey.

@@ -1,30 +1,33 @@
-//! Whether the scan shows a head with its skin at all.
+//! Whether the scan shows a head with its skin at all, and where it ends.
+
+use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::enclosure::{Seen, view};
 use super::levels::Levels;
 use super::patient::{Cell, Patient, each_cell};
 use super::space::Space;
 use super::survey::Survey;
-use crate::geometry::{Vec3, add, scale};
+use crate::geometry::Vec3;
 
-/// What the patient is made of, cm³.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+/// The patient's head in the survey.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Head {
-    /// Soft tissue that bone surrounds in the plane at right angles to the body: brain.
+    /// Soft tissue in a closed shell of bone, cm³: brain.
     pub(super) brain_cm3: f64,
-    /// Soft tissue in all.
-    pub(super) soft_cm3: f64,
-    /// Bone.
-    pub(super) bone_cm3: f64,
-    /// Metal.
+    /// Its middle, LPS mm.
+    pub(super) middle: Vec3,
+    /// LPS z of the narrowest layer below it, the neck; the lowest layer if no neck is in view.
+    pub(super) lower_end: f64,
+    /// Metal, cm³.
     pub(super) metal_cm3: f64,
-    /// Area of brain in the lowest layer in view, cm²: where the scan ends within the skull.
-    pub(super) brain_cut_cm2: f64,
-    /// Area of the patient in the first and last slice's place above, cm².
+    /// Cut through the head by the scan's upper end, cm².
     pub(super) cut_above_cm2: f64,
-    /// Area of the patient at the sides of the slices, cm².
-    pub(super) cut_aside_cm2: f64,
+    /// Cut through it by the lower end, cm²: none if the neck is in view.
+    pub(super) cut_below_cm2: f64,
+    /// Cut through it at the sides of the slices, cm².
+    pub(super) cut_at_side_cm2: f64,
 }
 
 /// Bone is denser than this, HU above soft tissue.
@@ -33,120 +36,176 @@ const BONE: f32 = 210.0;
 const METAL: f32 = 2800.0;
 /// Soft tissue differs from its level by no more than this, HU.
 const SOFT: f32 = 130.0;
+/// Every so many cells along each axis are asked whether they are brain.
+const STRIDE: usize = 4;
+/// Bone is met in this share of the directions from a brain, those left out that leave the scan:
+/// the ribs of a chest let more of them pass.
+const CLOSED: f64 = 0.84;
+/// So many of the 26 directions must not leave the scan.
+const LEAST_DIRECTIONS: usize = 12;
+/// A layer with this share of the widest layer of the head is the neck.
+const NECK: f64 = 0.62;
+/// A layer with so much brain is one of the head, cm².
+const BRAIN_LAYER_CM2: f64 = 20.0;
 
 impl Head {
-    /// Looks along eight directions from the soft cells for bone.
+    /// Looks for soft tissue in a closed shell of bone.
+    #[expect(clippy::cast_precision_loss, reason = "a survey has far fewer than 2^53 cells")]
     pub(super) fn of(space: &Space, levels: &Levels, patient: &Patient) -> Self {
         let Survey { cells, hu, seen } = &patient.survey;
-        let [nx, ny, _] = cells.shape;
-        let matter = |(&hu, &seen): (&i16, &bool)| match f32::from(hu) {
-            _ if !seen => Matter::Neither,
-            v if v > METAL => Matter::Metal,
-            v if v > levels.tissue + BONE => Matter::Bone,
-            v if (v - levels.tissue).abs() < SOFT => Matter::Soft,
-            _ => Matter::Neither,
+        let [nx, ny, nz] = cells.shape;
+        let (bone, metal) = (levels.tissue + BONE, METAL);
+        let cell_cm3 = cells.edge.powi(3) / 1000.0;
+        let look = |i: usize| match f32::from(hu[i]) {
+            _ if !seen[i] => Seen::Nothing,
+            v if v > bone => Seen::Wanted,
+            _ => Seen::Other,
         };
-        let kinds: Vec<Matter> = hu.par_iter().zip(seen).map(matter).collect();
-        let volume = cells.edge.powi(3) / 1000.0;
-        let mut head = Self::default();
-        each_cell(cells, |i, _| {
-            if patient.kinds[i] == Cell::Patient {
-                match kinds[i] {
-                    Matter::Bone => head.bone_cm3 += volume,
-                    Matter::Metal => head.metal_cm3 += volume,
-                    Matter::Soft => head.soft_cm3 += volume,
-                    Matter::Neither => {}
-                }
+        let is_brain = |i: usize| {
+            let soft = seen[i] && (f32::from(hu[i]) - levels.tissue).abs() < SOFT;
+            soft && patient.kinds[i] == Cell::Patient && {
+                let (met, ended) = view(cells, i, look);
+                ended >= LEAST_DIRECTIONS && met as f64 >= CLOSED * ended as f64
             }
-        });
-        let layer = nx * ny;
-        let brain: Vec<(u64, bool)> = kinds
-            .par_chunks(layer)
-            .enumerate()
-            .map(|(z, matter)| {
-                let surrounded = surrounded(nx, ny, matter);
-                let of_patient = &patient.kinds[z * layer..][..layer];
-                let is_brain =
-                    |i: &usize| surrounded[*i] && matter[*i] == Matter::Soft && of_patient[*i] == Cell::Patient;
-                let is_seen = seen[z * layer..][..layer].contains(&true);
-                ((0..layer).filter(is_brain).count() as u64, is_seen)
+        };
+        let brain: Vec<Vec<[usize; 3]>> = (0..nz.div_ceil(STRIDE))
+            .into_par_iter()
+            .map(|z| {
+                let layer = (0..ny.div_ceil(STRIDE)).flat_map(|y| {
+                    (0..nx.div_ceil(STRIDE)).map(move |x| [x * STRIDE, y * STRIDE, z * STRIDE])
+                });
+                layer.filter(|&cell| is_brain(cells.offset(cell))).collect()
             })
             .collect();
-        #[expect(clippy::cast_precision_loss, reason = "a survey has far fewer than 2^53 cells")]
-        let cm3 = |cells: u64| cells as f64 * volume;
-        head.brain_cm3 = cm3(brain.iter().map(|b| b.0).sum());
-        head.brain_cut_cm2 = brain.iter().find(|b| b.1).map_or(0.0, |b| cm3(b.0) * 10.0 / cells.edge);
-        head.find_cuts(space, patient);
+        let sampled = STRIDE as f64 * cells.edge;
+        let layers: Vec<f64> = brain.iter().map(|l| l.len() as f64 * sampled * sampled / 100.0).collect();
+        let of_head = largest_run(&layers);
+        let of_brain = || brain[of_head.clone()].iter().flatten();
+        let count = of_brain().count();
+        let mut middle = [0.0; 3];
+        for cell in of_brain() {
+            for (m, p) in middle.iter_mut().zip(cells.centre(*cell)) {
+                *m += p / count as f64;
+            }
+        }
+        let mut metal_cells = 0_usize;
+        let mut area = vec![0_usize; nz];
+        let mut visible = vec![false; nz];
+        each_cell(cells, |i, [_, _, z]| {
+            visible[z] |= seen[i];
+            if patient.kinds[i] == Cell::Patient && seen[i] {
+                area[z] += 1;
+                metal_cells += usize::from(f32::from(hu[i]) > metal);
+            }
+        });
+        let ends = Ends::of(&area, &visible, of_head.start * STRIDE..of_head.end * STRIDE);
+        let cm2 = |cells_: usize| cells_ as f64 * cells.edge * cells.edge / 100.0;
+        let mut head = Self {
+            brain_cm3: count as f64 * cell_cm3 * (STRIDE * STRIDE * STRIDE) as f64,
+            middle,
+            lower_end: cells.centre([0, 0, ends.lowest])[2] - 0.5 * cells.edge,
+            metal_cm3: metal_cells as f64 * cell_cm3,
+            cut_above_cm2: 0.0,
+            cut_below_cm2: if ends.neck { 0.0 } else { cm2(area[ends.lowest]) },
+            cut_at_side_cm2: 0.0,
+        };
+        head.find_cuts(space, patient, ends.lowest);
         head
     }
 
-    /// Where the patient leaves the scan: its cells next to the scan's borders.
+    /// Where the head leaves the scan above and at the sides: its cells next to the scan's borders.
     #[expect(clippy::cast_precision_loss, reason = "a volume's axes are shorter than 2^53 voxels")]
-    fn find_cuts(&mut self, space: &Space, patient: &Patient) {
+    fn find_cuts(&mut self, space: &Space, patient: &Patient, lowest: usize) {
         let Survey { cells, seen, .. } = &patient.survey;
-        let area = cells.edge * cells.edge / 100.0;
         let s = space.slice_axis();
-        let [nx, ny, nz] = cells.shape;
-        let leaving = |offset: usize, [x, y, z]: [usize; 3]| {
-            let step = [1, nx, nx * ny];
-            let (at, last) = ([x, y, z], [nx - 1, ny - 1, nz - 1]);
-            (0..3).flat_map(move |a| {
-                let below = (at[a] > 0).then(|| (offset - step[a], a, -1.0));
-                let above = (at[a] < last[a]).then(|| (offset + step[a], a, 1.0));
-                below.into_iter().chain(above)
-            })
-        };
+        let step = [1, cells.shape[0], cells.shape[0] * cells.shape[1]];
         let (mut above, mut aside) = (0usize, 0usize);
         each_cell(cells, |i, cell| {
-            if patient.kinds[i] != Cell::Patient || !seen[i] {
+            if patient.kinds[i] != Cell::Patient || !seen[i] || cell[2] < lowest {
                 return;
             }
-            for (_, axis, direction) in leaving(i, cell).filter(|n| !seen[n.0]) {
-                let mut p = cells.centre(cell);
-                p[axis] += direction * cells.edge;
-                let index = space.index(p);
-                let left = |a: usize| index[a] < 0.0 || index[a] > (space.shape[a] - 1) as f64;
-                if left(s) {
-                    above += usize::from(axis == 2 && direction > 0.0);
-                } else if (0..3).any(|a| a != s && left(a)) {
-                    aside += 1;
+            for axis in 0..3 {
+                let below = (cell[axis] > 0).then(|| (i - step[axis], -cells.edge));
+                let beyond = (cell[axis] + 1 < cells.shape[axis]).then(|| (i + step[axis], cells.edge));
+                for (_, way) in below.into_iter().chain(beyond).filter(|(j, _)| !seen[*j]) {
+                    let mut p = cells.centre(cell);
+                    p[axis] += way;
+                    let index = space.index(p);
+                    let left = |a: usize| index[a] < 0.0 || index[a] > (space.shape[a] - 1) as f64;
+                    let upward = axis == 2 && way > 0.0;
+                    above += usize::from(upward);
+                    aside += usize::from(axis != 2 && (0..3).any(|a| a != s && left(a)));
                 }
             }
         });
-        self.cut_above_cm2 = above as f64 * area;
-        self.cut_aside_cm2 = aside as f64 * area;
+        let face = cells.edge * cells.edge / 100.0;
+        self.cut_above_cm2 = above as f64 * face;
+        self.cut_at_side_cm2 = aside as f64 * face;
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum Matter {
-    #[default]
-    Neither,
-    Soft,
-    Bone,
-    Metal,
-}
-
-/// Which cells of a layer have bone in all eight directions.
-fn surrounded(nx: usize, ny: usize, layer: &[Matter]) -> Vec<bool> {
-    let mut all = vec![true; nx * ny];
-    for (dx, dy) in [(1isize, 0isize), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1)] {
-        let mut seen = vec![false; nx * ny];
-        // Each cell takes over from its neighbour against the direction of the walk.
-        let rows: Box<dyn Iterator<Item = usize>> =
-            if dy >= 0 { Box::new(0..ny) } else { Box::new((0..ny).rev()) };
-        for y in rows {
-            let columns: Box<dyn Iterator<Item = usize>> =
-                if dx >= 0 { Box::new(0..nx) } else { Box::new((0..nx).rev()) };
-            for x in columns {
-                let before = x
-                    .checked_add_signed(-dx)
-                    .zip(y.checked_add_signed(-dy))
-                    .is_some_and(|(x, y)| x < nx && y < ny && seen[y * nx + x]);
-                seen[y * nx + x] = before || matches!(layer[y * nx + x], Matter::Bone | Matter::Metal);
-                all[y * nx + x] &= before;
+/// The run of neighbouring layers with enough brain that holds most of it; areas in cm².
+fn largest_run(layers: &[f64]) -> Range<usize> {
+    let (mut best, mut most) = (0..0, 0.0);
+    let mut start = 0;
+    for end in 0..=layers.len() {
+        if end == layers.len() || layers[end] < BRAIN_LAYER_CM2 {
+            let sum: f64 = layers[start..end].iter().sum();
+            if sum > most {
+                (best, most) = (start..end, sum);
             }
+            start = end + 1;
         }
     }
-    all
+    best
+}
+
+/// Where the head ends below, in layers of the survey.
+struct Ends {
+    lowest: usize,
+    neck: bool,
+}
+
+impl Ends {
+    /// From the patient's area in every layer (lowest first), which layers the scan shows, and
+    /// which hold the brain.
+    #[expect(clippy::cast_precision_loss, reason = "cells of a layer")]
+    fn of(area: &[usize], visible: &[bool], of_head: Range<usize>) -> Self {
+        let first = visible.iter().position(|&v| v).unwrap_or(0);
+        let lowest_brain = of_head.start.max(first);
+        let widest = of_head.filter_map(|z| area.get(z)).max().copied().unwrap_or(0) as f64;
+        // The very first layers may hold less of a tilted scan's patient.
+        let narrowest = (first..=lowest_brain).filter(|&z| area[z] > 0).min_by_key(|&z| area[z]);
+        match narrowest {
+            Some(z) if (area[z] as f64) < NECK * widest => Self { lowest: z, neck: true },
+            _ => Self { lowest: first, neck: false },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_head_ends_at_its_neck_or_is_cut() {
+        let brain = 60..120;
+        let visible = [true; 140];
+        // Shoulders, neck, jaw, cranium.
+        let area = |z: usize| match z {
+            0..20 => 400,
+            20..40 => 100,
+            40..60 => 180,
+            60..120 => 220,
+            _ => 0,
+        };
+        let whole: Vec<usize> = (0..140).map(area).collect();
+        let ends = Ends::of(&whole, &visible, brain.clone());
+        assert!(ends.neck && (20..40).contains(&ends.lowest), "{}", ends.lowest);
+        let cut: Vec<usize> = (0..140).map(|z| if z < 45 { 0 } else { area(z) }).collect();
+        let shown: Vec<bool> = (0..140).map(|z| z >= 45).collect();
+        let ends = Ends::of(&cut, &shown, brain);
+        assert!(!ends.neck);
+        assert_eq!(ends.lowest, 45);
+    }
 }

@@ -14,9 +14,10 @@
 //! | between thick slices | [`between`] |
 //! | what was not accepted | [`stretches`] |
 //! | one point a leaf | [`leaves`], [`order`] |
-//! | how far to trust it | [`agreement`], [`confidence`], [`quality`] |
+//! | how far to trust it | [`agreement`], [`confidence`], [`motion`], [`assess`], [`quality`] |
 
 mod agreement;
+mod assess;
 mod between;
 mod confidence;
 mod couch;
@@ -28,6 +29,7 @@ mod enclosure;
 mod head;
 mod leaves;
 mod levels;
+mod motion;
 mod order;
 mod outside;
 mod patient;
@@ -36,14 +38,16 @@ mod quality;
 mod reconstruct;
 mod regions;
 mod sheets;
+mod sides;
 mod skin;
 mod space;
 mod stretches;
 mod survey;
 mod width;
 
-pub use quality::{Doubt, Quality, QualityLimits, Verdict};
+pub use quality::{Doubt, Missing, Quality, QualityLimits, SideQuality, Verdict};
 pub use reconstruct::reconstruct;
+pub use sides::Side;
 pub use skin::{BorderPoint, NoSkin, Skin, SkinPoint};
 pub use stretches::{SliceContour, Stretch, StretchReason};
 

@@ -66,7 +66,8 @@ mod tests {
 
     #[test]
     fn each_level_has_one_point_for_each_of_its_cells() {
-        let points: Vec<Vec3> = (0..900).map(|i| [f64::from(i % 30) - 15.0, f64::from(i / 30), 0.5]).collect();
+        let points: Vec<Vec3> =
+            (0..900).map(|i| [f64::from(i % 30) - 15.0, f64::from(i / 30), 0.5]).collect();
         let order = by_detail(&points, 1.0);
         for edge in [8.0_f64, 4.0, 2.0] {
             let cell = |i: u32| points[i as usize].map(|v| (v / edge).floor() as i64);

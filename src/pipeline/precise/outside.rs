@@ -35,7 +35,7 @@ const STEPS: [u32; 4] = [0, 3, 4, 5];
 
 /// What lies on the far side of a border, as seen from the patient.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Side {
+pub(super) enum Beyond {
     /// Open air, or a shallow fold.
     Outside,
     /// A nostril, an ear canal, the slit of a mouth; so many mm before the border.
@@ -127,24 +127,22 @@ impl Outside {
         Self { cells, open }
     }
 
-    pub(super) fn debug(&self) -> &[u8] { &self.open } // DEBUG
-
     /// How far before a border [`Self::beyond`] looks, mm.
     pub(super) fn reach_mm(&self) -> f64 {
         STEPS_OUT[0] * self.cells.edge
     }
 
     /// What lies beyond a border at `p` whose outward normal is `n`.
-    pub(super) fn beyond(&self, p: Vec3, n: Vec3) -> Side {
-        let mut side = Side::Inside;
+    pub(super) fn beyond(&self, p: Vec3, n: Vec3) -> Beyond {
+        let mut side = Beyond::Inside;
         for step in STEPS_OUT {
             if let Some(cell) = self.cells.at(add(p, scale(n, step * self.cells.edge))) {
                 match self.open[self.cells.offset(cell)] {
-                    OPEN => side = Side::Outside,
+                    OPEN => side = Beyond::Outside,
                     // Next to the rim of a canal the canal decides.
-                    CANAL if step < 2.0 => return Side::Canal(step * self.cells.edge),
-                    CANAL => side = Side::Canal(step * self.cells.edge),
-                    ENCLOSED => side = Side::Inside,
+                    CANAL if step < 2.0 => return Beyond::Canal(step * self.cells.edge),
+                    CANAL => side = Beyond::Canal(step * self.cells.edge),
+                    ENCLOSED => side = Beyond::Inside,
                     _ => {}
                 }
             }

@@ -147,7 +147,9 @@ impl Patient {
                 let p = p as usize;
                 if !touches[p] {
                     changes.push((offset, Cell::Other));
-                } else if diagonal(p) > LONGEST_PART_MM && enclosure(&self.survey.cells, offset, body) < ENCLOSED {
+                } else if diagonal(p) > LONGEST_PART_MM
+                    && enclosure(&self.survey.cells, offset, body) < ENCLOSED
+                {
                     changes.push((offset, Cell::Attached));
                 }
             }

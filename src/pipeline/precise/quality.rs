@@ -2,11 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::sides::Side;
+use super::stretches::StretchReason;
+
 /// What a user should make of the cloud.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The whole skin in view, well resolved.
+    /// The whole skin of the head in view, well resolved.
     Good,
     /// Usable with the reasons in mind.
     Limited,
@@ -20,9 +23,9 @@ pub enum Verdict {
 pub enum Doubt {
     /// The scan ends above the patient's vertex.
     CutAbove,
-    /// The scan ends within the skull: face and chin are not in view.
+    /// The scan ends within the head: the chin is not in view.
     CutBelow,
-    /// The patient leaves the image at a side.
+    /// The head leaves the image at a side.
     CutAtSide,
     /// Slices lie further apart than the limit.
     ThickSlices,
@@ -30,6 +33,8 @@ pub enum Doubt {
     Noise,
     /// Metal in or on the head.
     Metal,
+    /// The patient moved between two slices, or the table did.
+    Motion,
     /// Too much of the skin in view could not be accepted.
     Coverage,
     /// The planes disagree about the skin.
@@ -40,7 +45,7 @@ pub enum Doubt {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct QualityLimits {
-    /// Largest cut through the patient at a side of the scan that still counts as none, cm².
+    /// Largest cut through the head by a border of the scan that still counts as none, cm².
     pub cut_cm2: f64,
     /// Thickest slice spacing of a good result, mm.
     pub slice_mm: f64,
@@ -48,12 +53,16 @@ pub struct QualityLimits {
     pub noise_hu: f64,
     /// Most metal of a good result, cm³.
     pub metal_cm3: f64,
+    /// How far a slice may stand aside from its neighbours in a good result, mm.
+    pub motion_mm: f64,
     /// Least share of the skin in view that a good result holds.
     pub coverage: f64,
     /// Below this share the result is insufficient.
     pub least_coverage: f64,
     /// Largest 95th percentile of the planes' disagreement in a good result, mm.
     pub disagreement_mm: f64,
+    /// Above this one the result is insufficient, mm.
+    pub most_disagreement_mm: f64,
 }
 
 impl Default for QualityLimits {
@@ -63,9 +72,11 @@ impl Default for QualityLimits {
             slice_mm: 2.5,
             noise_hu: 40.0,
             metal_cm3: 0.5,
-            coverage: 0.97,
+            motion_mm: 0.5,
+            coverage: 0.95,
             least_coverage: 0.5,
             disagreement_mm: 0.3,
+            most_disagreement_mm: 1.0,
         }
     }
 }
@@ -77,15 +88,17 @@ pub struct Quality {
     pub verdict: Verdict,
     /// Its reasons; empty for `good`.
     pub doubts: Vec<Doubt>,
-    /// Share of the skin in view that was accepted, by area.
+    /// Estimated share of the head's skin in view that was accepted, by area, 0 to 1.
     pub coverage: f64,
-    /// Skin that was seen and rejected, cm².
-    pub rejected_cm2: f64,
-    /// Mean distance of a point from the surface of its neighbours of all lines, mm.
+    /// Where the rest is.
+    pub missing: Vec<Missing>,
+    /// Mean distance of a point from the surface of its neighbours on lines of all directions, mm.
     pub agreement_mean_mm: f64,
     /// 95th percentile of it, mm.
     pub agreement_p95_mm: f64,
-    /// Noise, HU.
+    /// The same side by side.
+    pub sides: Vec<SideQuality>,
+    /// Noise in air, HU.
     pub noise_hu: f64,
     /// Width of the edge (standard deviation) in the slices, mm.
     pub edge_in_plane_mm: f64,
@@ -93,37 +106,67 @@ pub struct Quality {
     pub edge_across_mm: f64,
     /// Widest slice spacing, mm.
     pub slice_mm: f64,
-    /// Cut through the patient above, below (within the skull) and at the sides, cm².
-    pub cut_cm2: [f64; 3],
+    /// How far at most a slice's outline stands aside from between its neighbours, mm: a patient who
+    /// moved (a lasting step shows with half its length).
+    pub motion_mm: f64,
+    /// Cut through the head by the scan's upper end, cm².
+    pub cut_above_cm2: f64,
+    /// Cut through the head by its lower end, cm²: none where the neck is in view.
+    pub cut_below_cm2: f64,
+    /// Cut through the head at the sides of the images, cm².
+    pub cut_at_side_cm2: f64,
     /// Metal, cm³.
     pub metal_cm3: f64,
 }
 
+/// Skin of the head that is in view but not in the cloud.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Missing {
+    /// Where.
+    pub side: Side,
+    /// Why.
+    pub reason: StretchReason,
+    /// How much, cm².
+    pub area_cm2: f64,
+}
+
+/// One side of the head.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct SideQuality {
+    /// Which.
+    pub side: Side,
+    /// Accepted skin, cm².
+    pub area_cm2: f64,
+    /// Share of its skin in view that was accepted, 0 to 1; `null` if there is none in view.
+    pub coverage: Option<f64>,
+    /// Mean distance of its points from the surface of their neighbours, mm; `null` without points.
+    pub agreement_mean_mm: Option<f64>,
+    /// 95th percentile of it, mm.
+    pub agreement_p95_mm: Option<f64>,
+}
+
 impl Quality {
     /// Holds what was measured against the limits.
-    pub(super) fn judge(&mut self, limits: &QualityLimits) {
-        let cuts = [Doubt::CutAbove, Doubt::CutBelow, Doubt::CutAtSide];
-        let mut doubts: Vec<Doubt> = cuts
-            .into_iter()
-            .zip(self.cut_cm2)
-            .filter(|(_, cut)| *cut > limits.cut_cm2)
-            .map(|(d, _)| d)
-            .collect();
-        let others = [
+    pub(super) fn judge(mut self, limits: &QualityLimits) -> Self {
+        let held = [
+            (Doubt::CutAbove, self.cut_above_cm2 > limits.cut_cm2),
+            (Doubt::CutBelow, self.cut_below_cm2 > limits.cut_cm2),
+            (Doubt::CutAtSide, self.cut_at_side_cm2 > limits.cut_cm2),
             (Doubt::ThickSlices, self.slice_mm > limits.slice_mm),
             (Doubt::Noise, self.noise_hu > limits.noise_hu),
             (Doubt::Metal, self.metal_cm3 > limits.metal_cm3),
+            (Doubt::Motion, self.motion_mm > limits.motion_mm),
             (Doubt::Coverage, self.coverage < limits.coverage),
             (Doubt::Disagreement, self.agreement_p95_mm > limits.disagreement_mm),
         ];
-        doubts.extend(others.into_iter().filter(|o| o.1).map(|o| o.0));
-        self.verdict = if self.coverage < limits.least_coverage {
-            Verdict::Insufficient
-        } else if doubts.is_empty() {
-            Verdict::Good
-        } else {
-            Verdict::Limited
+        self.doubts = held.into_iter().filter(|h| h.1).map(|h| h.0).collect();
+        let unfit =
+            self.coverage < limits.least_coverage || self.agreement_p95_mm > limits.most_disagreement_mm;
+        self.verdict = match self.doubts.as_slice() {
+            _ if unfit => Verdict::Insufficient,
+            [] => Verdict::Good,
+            _ => Verdict::Limited,
         };
-        self.doubts = doubts;
+        self
     }
 }

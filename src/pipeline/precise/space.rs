@@ -58,7 +58,18 @@ impl<'a> Space<'a> {
         let up = cross(a, b);
         let area = dot(up, up);
         let reciprocal = [scale(cross(b, up), 1.0 / area), scale(cross(up, a), 1.0 / area)];
-        Some(Self { hu, shape, slice_axis, in_plane, origins, step, normal, heights, slices_per_mm, reciprocal })
+        Some(Self {
+            hu,
+            shape,
+            slice_axis,
+            in_plane,
+            origins,
+            step,
+            normal,
+            heights,
+            slices_per_mm,
+            reciprocal,
+        })
     }
 
     /// Offset of a voxel in [`Self::hu`].
@@ -104,6 +115,18 @@ impl<'a> Space<'a> {
         } else {
             self.step[axis]
         }
+    }
+
+    /// Unit vectors along the two axes of the slices.
+    pub(super) fn in_plane_units(&self) -> [Vec3; 2] {
+        self.in_plane.map(|a| scale(self.step[a], 1.0 / norm(self.step[a])))
+    }
+
+    /// The slice nearest to a place.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rounded and clamped")]
+    pub(super) fn slice_of(&self, p: Vec3) -> usize {
+        let k = self.index(p)[self.slice_axis].round().max(0.0) as usize;
+        k.min(self.shape[self.slice_axis] - 1)
     }
 
     /// The mean step along an axis, mm.

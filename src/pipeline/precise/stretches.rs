@@ -15,12 +15,31 @@ use crate::geometry::{Plane, Vec3, dot, norm, sub};
 )]
 #[serde(rename_all = "snake_case")]
 pub enum StretchReason {
-    /// Another body touches the skin, or something hangs on it.
+    /// It is not the patient's border but that of what touches the patient: a couch, a holder, a
+    /// mask, a strap.
+    Foreign,
+    /// Something foreign touches the skin right beside.
     Touching,
     /// The image ends here.
     FieldOfView,
     /// The rim of a nostril, an ear canal or the mouth: behind it is inside.
     Canal,
+}
+
+impl StretchReason {
+    /// All reasons.
+    pub const ALL: [Self; 4] = [Self::Foreign, Self::Touching, Self::FieldOfView, Self::Canal];
+
+    /// The one name in report, metrics and documentation.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Foreign => "foreign",
+            Self::Touching => "touching",
+            Self::FieldOfView => "field_of_view",
+            Self::Canal => "canal",
+        }
+    }
 }
 
 /// A stretch of a slice's contour that was not accepted.
