@@ -42,6 +42,11 @@ function reconstructionCell(reconstruction) {
   if (reconstruction.figures) {
     cell.append(reconstruction.figures.after_statistical.toLocaleString() + " points");
   }
+  if (reconstruction.quality) {
+    const { verdict, doubts } = reconstruction.quality;
+    const text = doubts.length ? verdict + " (" + doubts.join(", ") + ")" : verdict;
+    cell.append(", ", element("span", { className: verdict === "insufficient" ? "bad" : "", textContent: text }));
+  }
   return cell;
 }
 
