@@ -19,12 +19,12 @@ use super::thresholds::Thresholds;
 #[serde(rename_all = "snake_case")]
 pub enum Profile {
     /// The published algorithm, decision by decision.
-    // The default of everything that does not say which: this attribute, and `profile` in
-    // `config/triplanar.toml`, which a test holds to it.
-    #[default]
     Paper,
     /// The whole skin in its true place, with a normal and an expected error for each point and a
     /// verdict on the whole: levels and rules derived from the scan.
+    // The default of everything that does not say which: this attribute, and `profile` in
+    // `config/triplanar.toml`, which a test holds to it.
+    #[default]
     Precise,
 }
 

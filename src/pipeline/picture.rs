@@ -2,9 +2,6 @@
 
 use image::{Rgb, RgbImage};
 use ndarray::ArrayView2;
-use utoipa::PartialSchema;
-use utoipa::openapi::RefOr;
-use utoipa::openapi::schema::Schema;
 
 use super::contour::outline;
 use super::mask::mask;

@@ -61,12 +61,12 @@ impl PlaneSummary {
             summary.partly += u64::from(row.decision == Decision::Partly);
             match row.reason {
                 None => summary.accepted += 1,
-                Some(reason) => *summary.rejected.entry(reason.name().into_owned()).or_default() += 1,
+                Some(reason) => *summary.rejected.entry(reason.name().to_owned()).or_default() += 1,
             }
             add(&mut summary.accepted_mm, row.accepted_mm);
             add(&mut summary.rejected_mm, row.rejected_mm);
             for stretch in &row.stretches {
-                let name = Reason::Stretch(stretch.reason).name().into_owned();
+                let name = Reason::Stretch(stretch.reason).name().to_owned();
                 *summary.stretches_mm.entry(name).or_default() += stretch.length_mm;
             }
         }

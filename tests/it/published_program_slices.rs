@@ -36,7 +36,7 @@ fn differences(decisions: &Decisions, published: &Published) -> Vec<String> {
             plane: our_row.plane,
             index: our_row.index,
             accepted: our_row.rejection.is_none(),
-            reason: our_row.rejection.map_or(String::new(), |r| r.reason.name().into_owned()),
+            reason: our_row.rejection.map_or(String::new(), |r| r.reason.name().to_owned()),
             contour_points: our_row.contour_points,
             contour_area: our_row.contour_area,
             solidity: our_row.solidity,

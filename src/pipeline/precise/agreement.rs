@@ -42,10 +42,6 @@ pub(super) struct Neighbourhood {
 
 impl Neighbourhood {
     /// Sorts the crossings into cubes.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "crossings are counted in 32 bits; places to 1e-4 mm"
-    )]
     pub(super) fn of(crossings: &[Crossing]) -> Self {
         let mut keyed: Vec<(u64, u32)> =
             crossings.par_iter().enumerate().map(|(i, c)| (key(c.place, REACH_MM), i as u32)).collect();
@@ -82,11 +78,6 @@ impl Neighbourhood {
 
     /// What the neighbours of a point say about it: the height of the common surface over its
     /// tangent plane is fitted by a + b·d² in the distance d from the point.
-    #[expect(
-        clippy::cast_precision_loss,
-        clippy::cast_possible_truncation,
-        reason = "a few hundred neighbours; places to 1e-4 mm"
-    )]
     pub(super) fn agreement(&self, place: Vec3, own: Vec3) -> Agreement {
         let (at, facing) = (place.map(|v| v as f32), own.map(|v| v as f32));
         let reach = (REACH_MM * REACH_MM) as f32;

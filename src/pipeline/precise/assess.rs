@@ -75,7 +75,6 @@ impl Areas {
             if faces > 0
                 && let Some(side) = side(cells.centre([x, y, z]))
             {
-                #[expect(clippy::cast_precision_loss, reason = "at most six")]
                 let area = faces as f64 * face;
                 self.missing[side][StretchReason::Touching as usize] += area;
             }
@@ -158,7 +157,6 @@ fn offsets<'a>(agreements: impl Iterator<Item = &'a Agreement>) -> Vec<f64> {
 }
 
 /// Mean and 95th percentile.
-#[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 points")]
 fn spread(mut offsets: Vec<f64>) -> Option<(f64, f64)> {
     if offsets.is_empty() {
         return None;

@@ -29,7 +29,6 @@ const ACROSS: f64 = 0.8;
 
 /// Adds the skin between slices that lie far apart, and drops what the lines across them could not
 /// resolve.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
 pub(super) fn fill(space: &Space, crossings: Vec<Crossing>) -> Vec<Crossing> {
     let axis = space.slice_axis();
     let gaps: Vec<f64> =
@@ -79,7 +78,6 @@ struct Contours {
 }
 
 impl Contours {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
     fn of(space: &Space, crossings: &[Crossing]) -> Option<Self> {
         let slice_axis = space.slice_axis();
         let axes: [usize; 2] = match slice_axis {
@@ -119,7 +117,6 @@ impl Contours {
     }
 
     /// Distance from each pixel to the nearest foot, by two sweeps that hand on the nearest.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
     fn distances_to(&self, feet: &[Foot]) -> Vec<f32> {
         let [rows, columns] = self.shape;
         let place = |r: usize, c: usize| {
@@ -175,7 +172,6 @@ impl Contours {
     }
 
     /// Whether the contours on both sides of a place tell where the skin is there.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
     fn knows(&self, space: &Space, p: Vec3) -> bool {
         let index = space.index(p);
         let k = (index[space.slice_axis()].floor().max(0.0) as usize).min(self.distances.len() - 2);
@@ -190,7 +186,6 @@ impl Contours {
     }
 
     /// The skin between slices k and k + 1.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
     fn between(&self, space: &Space, k: usize, gap: f64) -> Vec<Crossing> {
         let (below, above) = (&self.distances[k], &self.distances[k + 1]);
         let [rows, columns] = self.shape;
@@ -242,7 +237,6 @@ impl Contours {
 
     /// A point of skin at `place` (row and column, from `low`), the share `t` of the way from
     /// slice k to k + 1; `along` is 0 or 1 for a line in the slice, 2 for one across.
-    #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     fn point(
         &self,
         space: &Space,
@@ -282,7 +276,6 @@ impl Contours {
     }
 
     /// Outward normal: the gradient of the interpolated distance.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     fn normal(&self, space: &Space, k: usize, t: f64, gap: f64, place: [f64; 2]) -> Option<Vec3> {
         let [rows, columns] = self.shape;
         let (r, c) = (place[0].round() as usize, place[1].round() as usize);

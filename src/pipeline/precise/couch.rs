@@ -13,7 +13,6 @@ const FREE_BORDER: f64 = 0.5;
 const LEAST_LENGTH_MM: f64 = 60.0;
 
 /// Marks as [`Cell::Other`] the tissue that runs along the whole scan parallel to the table.
-#[expect(clippy::cast_precision_loss)]
 pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) {
     let cells = &survey.cells;
     let [nx, ny, nz] = cells.shape;

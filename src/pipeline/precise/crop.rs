@@ -23,7 +23,6 @@ const ROOM_MM: f64 = 45.0;
 
 /// The box of the patient with some room, LPS mm, not beyond the scan and its margin; the whole
 /// scan if nothing in it is thick.
-#[expect(clippy::cast_precision_loss, reason = "a survey has far fewer than 2^53 cells")]
 pub(super) fn bounds(space: &Space, levels: &Levels) -> [Vec3; 2] {
     let all = whole(space);
     let survey = Survey::of(space, Cells::of_edge(all, EDGE_MM));

@@ -60,7 +60,6 @@ pub(super) fn candidates(
     outside: &Outside,
 ) -> (Vec<Candidate>, Vec<Doubtful>) {
     let [nz, ny, nx] = space.shape;
-    #[expect(clippy::cast_possible_truncation)]
     let middle = levels.middle().ceil() as i16;
     let search = Search { space, levels, patient, outside };
     let found: Vec<Result<Candidate, Doubtful>> = (0..nz)
@@ -128,7 +127,6 @@ struct Search<'a> {
 impl Search<'_> {
     /// The candidate between the voxel at `lower` and the next one along `axis`; `None` where it
     /// is no border of the patient to the outside at all.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss)]
     fn judge(&self, lower: [usize; 3], axis: usize, ascending: bool) -> Option<Result<Candidate, Doubtful>> {
         let mut upper = lower;
         upper[axis] += 1;
@@ -311,7 +309,6 @@ pub(super) fn refine_levels(space: &Space, width: &Width, regions: &Regions, can
             sum.1 += 1.0;
         }
         if sum.1 > 0.0 {
-            #[expect(clippy::cast_possible_truncation)]
             {
                 c.tissue = (sum.0 / sum.1) as f32;
             }

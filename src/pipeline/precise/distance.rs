@@ -19,12 +19,12 @@ pub(super) fn squared_distance(
     along_x.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
         let base = row * nx;
         let mut last: Option<usize> = None;
-        for x in 0..nx {
+        for (x, out) in out.iter_mut().enumerate() {
             if marked(base + x) {
                 last = Some(x);
             }
             if let Some(l) = last.filter(|l| x - l <= reach) {
-                out[x] = square(x - l);
+                *out = square(x - l);
             }
         }
         let mut next: Option<usize> = None;
@@ -64,7 +64,6 @@ fn lower(out: &mut [u16], from: &[u16], offset: u16) {
     }
 }
 
-#[expect(clippy::cast_possible_truncation)]
 fn square(n: usize) -> u16 {
     (n * n).min(usize::from(u16::MAX)) as u16
 }

@@ -87,7 +87,6 @@ pub(super) fn fit(profile: &Profile) -> Edge {
 /// How far from its middle the edge is looked at, in probits.
 const REACH: f64 = 1.5;
 
-#[expect(clippy::cast_precision_loss)]
 fn fit_of(profile: &Profile, reached: impl Fn(f64) -> bool) -> Edge {
     let mut sums = [0.0; 5];
     for (i, &share) in profile.shares.iter().enumerate() {
@@ -149,7 +148,6 @@ mod tests {
         for voxels_per_sigma in [0.5, 1.0, 2.0] {
             for place in [0.05, 0.3, 0.5, 0.8, 0.95] {
                 let shares = std::array::from_fn(|i| {
-                    #[expect(clippy::cast_precision_loss)]
                     let x = i as f64 - 2.0;
                     normal((place - x) * voxels_per_sigma)
                 });

@@ -20,11 +20,6 @@ pub(super) enum Seen {
 
 /// The share of the 26 directions from a cell in which a ray meets the body within 60 mm, 0 to 1:
 /// about a half on the outside of a face, nearly one in a sinus.
-#[expect(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    reason = "at most 26 rays of 60 steps"
-)]
 pub(super) fn enclosure(cells: &Cells, cell: usize, is_body: impl Fn(usize) -> bool) -> f64 {
     let steps = (VIEW_MM / cells.edge) as isize;
     let from = cells.cell(cell);
@@ -34,7 +29,6 @@ pub(super) fn enclosure(cells: &Cells, cell: usize, is_body: impl Fn(usize) -> b
 
 /// In how many of the 26 directions a ray meets what it looks for, and how many do not leave the
 /// scan before.
-#[expect(clippy::cast_possible_truncation, reason = "at most 160 steps")]
 pub(super) fn view(cells: &Cells, cell: usize, look: impl Fn(usize) -> Seen) -> (usize, usize) {
     let steps = (FAR_MM / cells.edge) as isize;
     let from = cells.cell(cell);

@@ -50,7 +50,6 @@ const BRAIN_LAYER_CM2: f64 = 20.0;
 
 impl Head {
     /// Looks for soft tissue in a closed shell of bone.
-    #[expect(clippy::cast_precision_loss, reason = "a survey has far fewer than 2^53 cells")]
     pub(super) fn of(space: &Space, levels: &Levels, patient: &Patient) -> Self {
         let Survey { cells, hu, seen } = &patient.survey;
         let [nx, ny, nz] = cells.shape;
@@ -114,7 +113,6 @@ impl Head {
     }
 
     /// Where the head leaves the scan above and at the sides: its cells next to the scan's borders.
-    #[expect(clippy::cast_precision_loss, reason = "a volume's axes are shorter than 2^53 voxels")]
     fn find_cuts(&mut self, space: &Space, patient: &Patient, lowest: usize) {
         let Survey { cells, seen, .. } = &patient.survey;
         let s = space.slice_axis();
@@ -169,7 +167,6 @@ struct Ends {
 impl Ends {
     /// From the patient's area in every layer (lowest first), which layers the scan shows, and
     /// which hold the brain.
-    #[expect(clippy::cast_precision_loss, reason = "cells of a layer")]
     fn of(area: &[usize], visible: &[bool], of_head: Range<usize>) -> Self {
         let first = visible.iter().position(|&v| v).unwrap_or(0);
         let lowest_brain = of_head.start.max(first);

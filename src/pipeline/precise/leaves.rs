@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::crossings::Crossing;
-use crate::geometry::{PlaneSet, Vec3, dot, sub};
+use crate::geometry::{PlaneSet, Vec3, add, dot, scale, sub};
 
 /// The crossing that stands for a leaf.
 #[derive(Debug, Clone, Copy)]
@@ -17,7 +17,6 @@ pub(super) struct Leaf {
 /// For every leaf with a crossing for which `member` holds the one nearest to the middle of its
 /// points, seen along the skin. A centroid would lie inside a curved skin; this lies on it. Leaves
 /// are cubes of edge `leaf` mm of a grid through the patient's origin.
-#[expect(clippy::cast_possible_truncation, reason = "crossings are counted in 32 bits")]
 pub(super) fn thin(
     crossings: &[Crossing],
     leaf: f64,
@@ -36,7 +35,6 @@ pub(super) fn thin(
 
 /// A key for the cube of edge `leaf` mm that holds a place; far beyond any scanner's bore two
 /// cubes may share one.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "21 bits of each are kept")]
 pub(super) fn key(p: Vec3, leaf: f64) -> u64 {
     let cell = |v: f64| ((v / leaf).floor() as i64 + (1 << 20)) as u64 & 0x1F_FFFF;
     cell(p[2]) << 42 | cell(p[1]) << 21 | cell(p[0])
@@ -49,12 +47,10 @@ fn representative(crossings: &[Crossing], group: &[(u64, u32)]) -> Leaf {
     for c in group.iter().map(member) {
         let weight = 1.0 / (c.error * c.error);
         total += weight;
-        for a in 0..3 {
-            middle[a] += weight * c.place[a];
-        }
+        middle = add(middle, scale(c.place, weight));
         planes = planes.union(c.planes);
     }
-    let middle: Vec3 = middle.map(|v| v / total);
+    let middle = scale(middle, 1.0 / total);
     let cost = |c: &Crossing| {
         let d = sub(c.place, middle);
         let along = dot(d, c.normal);

@@ -34,7 +34,6 @@ impl Levels {
     }
 
     /// From the histogram; `None` if it has no air or no soft tissue.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, clippy::cast_sign_loss)]
     pub(super) fn of(space: &Space) -> Option<Self> {
         let mut histogram = vec![0u64; (HIGHEST - LOWEST) as usize];
         let stride = (space.hu.len() / 8_000_000).max(1) | 1;
@@ -52,7 +51,6 @@ impl Levels {
 }
 
 /// The most frequent value between two, smoothed over ±4 HU.
-#[expect(clippy::cast_sign_loss)]
 fn peak(histogram: &[u64], from: i32, to: i32) -> Option<i32> {
     let at = |v: i32| histogram[(v - LOWEST) as usize];
     let smooth = |v: i32| (v - 4..=v + 4).map(at).sum::<u64>();
@@ -60,7 +58,6 @@ fn peak(histogram: &[u64], from: i32, to: i32) -> Option<i32> {
 }
 
 /// Standard deviation of the values below a peak, mirrored (structure lies above it).
-#[expect(clippy::cast_sign_loss, clippy::cast_precision_loss)]
 fn spread(histogram: &[u64], peak: i32) -> f32 {
     let (mut n, mut sum) = (0u64, 0f64);
     for v in (peak - 80).max(LOWEST)..=peak {

@@ -26,7 +26,6 @@ pub(super) fn largest_step(space: &Space, crossings: &[Crossing], middle: Vec3) 
         let k = space.slice_of(c.place);
         let d = sub(c.place, middle);
         let (a, b) = (dot(d, u), dot(d, v));
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an angle within a turn")]
         let ray = ((b.atan2(a) / std::f64::consts::TAU + 1.0) * RAYS_F) as usize % RAYS;
         let radius = &mut radii[k][ray];
         if radius.is_nan() || a.hypot(b) > *radius {

@@ -7,7 +7,6 @@ const COARSEST: u32 = 7;
 
 /// An order of the points in which each level of an octree, coarsest first, gets one point for
 /// each of its cells; within a level neighbours are spread over the whole cloud.
-#[expect(clippy::cast_possible_truncation, reason = "points are counted in 32 bits")]
 pub(super) fn by_detail(points: &[Vec3], leaf: f64) -> Vec<u32> {
     // Along a Morton curve the points of a cell of any level follow each other.
     let mut curve: Vec<(u64, u32)> =
@@ -25,7 +24,6 @@ pub(super) fn by_detail(points: &[Vec3], leaf: f64) -> Vec<u32> {
 }
 
 /// The bits of the leaf's index along x, y and z in turn.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "21 bits of each are kept")]
 fn morton(p: Vec3, leaf: f64) -> u64 {
     let cell = |v: f64| ((v / leaf).floor() as i64 + (1 << 20)) as u64 & 0x1F_FFFF;
     let apart = |v: u64| {

@@ -154,7 +154,6 @@ impl Outside {
 /// Marks the narrow air that is fold (open) and the one that is canal: what lies deeper than a
 /// fold, and the whole way from the open air to what is deeper than any fold.
 fn close_canals(cells: &Cells, open: &mut [u8]) {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let thirds = |mm: f64| (mm / cells.edge * 3.0).round() as u32;
     let (fold, canal) = (thirds(FOLD_MM), thirds(CANAL_MM));
     let from = next_to_narrow(cells, open);

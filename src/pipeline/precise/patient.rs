@@ -63,7 +63,6 @@ impl Patient {
     /// Finds the patient; `None` if nothing in the scan is thick enough to be one.
     pub(super) fn find(space: &Space, levels: &Levels) -> Option<Self> {
         let [nz, ny, nx] = space.shape;
-        #[expect(clippy::cast_possible_truncation)]
         let upper = levels.upper().ceil() as i16;
         let pieces = Pieces::of([nx, ny, nz], |o| space.hu[o] >= upper);
         let survey = Survey::of(space, Cells::over(crop::bounds(space, levels)));
@@ -134,7 +133,6 @@ impl Patient {
                     || (z + 1 < nz && body(offset + nx * ny));
             }
         });
-        #[expect(clippy::cast_precision_loss)]
         let diagonal = |p: usize| {
             (0..3).map(|a| ((high[p][a] - low[p][a] + 1) as f64).powi(2)).sum::<f64>().sqrt()
                 * self.survey.cells.edge
@@ -190,7 +188,6 @@ pub(super) fn each_cell(cells: &Cells, mut f: impl FnMut(usize, [usize; 3])) {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
 fn piece_at(space: &Space, pieces: &Pieces, p: Vec3) -> Option<u32> {
     let [z, y, x] = space.clamped(p).map(|v| v.round() as usize);
     pieces.at(z, y, x)

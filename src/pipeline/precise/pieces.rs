@@ -25,7 +25,6 @@ pub(super) struct Pieces {
 
 impl Pieces {
     /// Pieces of the mask of `shape = [nx, ny, nz]` whose cell at an offset is marked.
-    #[expect(clippy::cast_possible_truncation)]
     pub(super) fn of([nx, ny, nz]: [usize; 3], marked: impl Fn(usize) -> bool + Sync) -> Self {
         let rows: Vec<Vec<Run>> =
             (0..ny * nz).into_par_iter().map(|row| runs_of(row * nx, nx, &marked)).collect();
@@ -45,14 +44,13 @@ impl Pieces {
             }
         }
         let mut sizes = Vec::new();
-        let mut names = vec![u32::MAX; runs.len()];
-        for i in 0..runs.len() {
+        let mut names = vec![u32::MAX; parents.len()];
+        for (i, run) in runs.iter_mut().enumerate() {
             let root = root(&mut parents, i as u32) as usize;
             if names[root] == u32::MAX {
                 names[root] = sizes.len() as u32;
                 sizes.push(0);
             }
-            let run = &mut runs[i];
             run.piece = names[root];
             sizes[run.piece as usize] += u64::from(run.end - run.start);
         }
@@ -65,7 +63,6 @@ impl Pieces {
     }
 
     /// The piece with most cells, if there is any.
-    #[expect(clippy::cast_possible_truncation, reason = "pieces are counted in 32 bits")]
     pub(super) fn largest(&self) -> Option<u32> {
         (0..self.sizes.len()).max_by_key(|&i| self.sizes[i]).map(|i| i as u32)
     }
@@ -87,7 +84,6 @@ impl Pieces {
 
     /// The piece of a cell, if it is marked.
     #[inline]
-    #[expect(clippy::cast_possible_truncation)]
     pub(super) fn at(&self, z: usize, y: usize, x: usize) -> Option<u32> {
         let runs = self.row(z, y);
         let i = runs.partition_point(|r| r.end <= x as u32);
@@ -95,7 +91,6 @@ impl Pieces {
     }
 }
 
-#[expect(clippy::cast_possible_truncation)]
 fn runs_of(base: usize, nx: usize, marked: &impl Fn(usize) -> bool) -> Vec<Run> {
     let mut runs = Vec::new();
     let mut x = 0;
@@ -113,7 +108,6 @@ fn runs_of(base: usize, nx: usize, marked: &impl Fn(usize) -> bool) -> Vec<Run> 
     runs
 }
 
-#[expect(clippy::cast_possible_truncation)]
 fn join(runs: &[Run], first: &[usize], a: usize, b: usize, parents: &mut [u32]) {
     let (mut i, mut j) = (first[a], first[b]);
     while i < first[a + 1] && j < first[b + 1] {

@@ -78,7 +78,6 @@ pub fn reconstruct(
 }
 
 /// The crossings as they lie in the slices.
-#[expect(clippy::cast_possible_truncation)]
 fn border(space: &Space, candidates: &[Candidate], doubtful: &[Doubtful]) -> Vec<BorderPoint> {
     let point = |place: Vec3, axis: u8, reason| {
         let mut index = space.index(place);

@@ -22,7 +22,6 @@ pub(super) struct Regions {
 
 impl Regions {
     /// Medians over the candidates of each region.
-    #[expect(clippy::cast_possible_truncation)]
     pub(super) fn of(candidates: &[Candidate], levels: &Levels) -> Self {
         let mut names: HashMap<[i32; 3], u32> = HashMap::new();
         let mut members: Vec<Vec<(f32, f32)>> = Vec::new();

@@ -150,7 +150,6 @@ fn large(cells: &Cells, layers: &[(usize, Layer)]) -> Vec<(usize, Layer)> {
             high[p][a] = high[p][a].max(cell[a]);
         }
     }
-    #[expect(clippy::cast_precision_loss, reason = "a survey has far fewer than 2^53 cells")]
     let is_large = |p: usize| {
         let square: f64 =
             (0..3).map(|a| ((high[p][a].saturating_sub(low[p][a]) + 1) as f64 * cells.edge).powi(2)).sum();
@@ -276,7 +275,6 @@ fn normal(cells: &Cells, kinds: &[Cell], i: usize) -> Option<Vec3> {
 }
 
 /// Outward unit normal from the mean place of the solid cells around.
-#[expect(clippy::cast_precision_loss, reason = "steps of a few cells")]
 fn normal_of(cells: &Cells, kinds: &[Cell], i: usize, solid: impl Fn(Cell) -> bool) -> Option<Vec3> {
     let [x, y, z] = cells.cell(i);
     let r = NORMAL_REACH;

@@ -19,7 +19,6 @@ pub struct SkinPoint {
 }
 
 impl SkinPoint {
-    #[expect(clippy::cast_possible_truncation, reason = "a cloud holds 32-bit floats")]
     pub(super) fn of(crossing: &Crossing, error: f64, planes: PlaneSet) -> Self {
         let single = |v: Vec3| v.map(|v| v as f32);
         Self { place: single(crossing.place), normal: single(crossing.normal), error: error as f32, planes }

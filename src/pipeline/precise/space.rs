@@ -53,7 +53,6 @@ impl<'a> Space<'a> {
         if heights.windows(2).any(|w| w[1] <= w[0]) {
             return None;
         }
-        #[expect(clippy::cast_precision_loss)]
         let slices_per_mm = (heights.len() - 1) as f64 / (heights[heights.len() - 1] - heights[0]);
         let up = cross(a, b);
         let area = dot(up, up);
@@ -100,12 +99,6 @@ impl<'a> Space<'a> {
         self.normal
     }
 
-    /// mm between two neighbouring voxels along `axis`, from `index` to `index + 1` there.
-    #[inline]
-    pub(super) fn spacing(&self, axis: usize, index: usize) -> f64 {
-        norm(self.step_at(axis, index))
-    }
-
     /// The step from `index` to `index + 1` along `axis`, mm (the last one again beyond the end).
     #[inline]
     pub(super) fn step_at(&self, axis: usize, index: usize) -> Vec3 {
@@ -123,7 +116,6 @@ impl<'a> Space<'a> {
     }
 
     /// The slice nearest to a place.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rounded and clamped")]
     pub(super) fn slice_of(&self, p: Vec3) -> usize {
         let k = self.index(p)[self.slice_axis].round().max(0.0) as usize;
         k.min(self.shape[self.slice_axis] - 1)
@@ -136,7 +128,6 @@ impl<'a> Space<'a> {
 
     /// LPS mm of a fractional index `[z, y, x]`; beyond the volume the last step goes on.
     #[inline]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
     pub(super) fn lps(&self, index: [f64; 3]) -> Vec3 {
         let s = index[self.slice_axis];
         let k = (s.floor().max(0.0) as usize).min(self.origins.len() - 2);
@@ -148,7 +139,6 @@ impl<'a> Space<'a> {
 
     /// Fractional index `[z, y, x]` of a place; outside the volume too.
     #[inline]
-    #[expect(clippy::cast_precision_loss)]
     pub(super) fn index(&self, p: Vec3) -> [f64; 3] {
         let h = dot(p, self.normal);
         let k = self.slice_below(h);
@@ -165,7 +155,6 @@ impl<'a> Space<'a> {
     /// The slice below a height along the normal, but for the last slice: guessed from the mean
     /// step, which is right at once where spacing is regular.
     #[inline]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     fn slice_below(&self, height: f64) -> usize {
         let last = self.heights.len() - 2;
         let guess = (height - self.heights[0]) * self.slices_per_mm;
@@ -193,22 +182,12 @@ impl<'a> Space<'a> {
 
     /// The nearest fractional index within the volume.
     #[inline]
-    #[expect(clippy::cast_precision_loss)]
     pub(super) fn within(&self, index: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|a| index[a].clamp(0.0, (self.shape[a] - 1) as f64))
     }
 
-    /// Whether a place lies between the volume's outermost voxel centres.
-    #[inline]
-    #[expect(clippy::cast_precision_loss)]
-    pub(super) fn contains(&self, p: Vec3) -> bool {
-        let index = self.index(p);
-        (0..3).all(|a| index[a] >= 0.0 && index[a] <= (self.shape[a] - 1) as f64)
-    }
-
     /// Hounsfield units at a fractional index, trilinear; `None` outside the voxel centres.
     #[inline]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
     pub(super) fn sample_index(&self, index: [f64; 3]) -> Option<f32> {
         let mut base = [0usize; 3];
         let mut t = [0f32; 3];

@@ -7,7 +7,6 @@ use super::space::Space;
 use crate::geometry::Vec3;
 
 /// The box around all voxel centres and the margin, LPS mm.
-#[expect(clippy::cast_precision_loss, reason = "a volume's axes are shorter than 2^53 voxels")]
 pub(super) fn whole(space: &Space) -> [Vec3; 2] {
     let last = space.shape.map(|n| (n - 1) as f64);
     let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
@@ -39,7 +38,6 @@ pub(super) struct Survey {
 
 impl Survey {
     /// Samples the scan.
-    #[expect(clippy::cast_possible_truncation, reason = "interpolated between values of i16")]
     pub(super) fn of(space: &Space, cells: Cells) -> Self {
         let [nx, ny, _] = cells.shape;
         let mut hu = vec![0; cells.len()];
@@ -47,7 +45,6 @@ impl Survey {
         hu.par_chunks_mut(nx).zip(seen.par_chunks_mut(nx)).enumerate().for_each(|(row, (hu, seen))| {
             let start = cells.centre([0, row % ny, row / ny]);
             for (x, (hu, seen)) in hu.iter_mut().zip(seen).enumerate() {
-                #[expect(clippy::cast_precision_loss, reason = "cells of one row")]
                 let p = [start[0] + x as f64 * cells.edge, start[1], start[2]];
                 let index = space.index(p);
                 let clamped = space.within(index);
@@ -84,7 +81,6 @@ impl Cells {
     }
 
     /// Cells of a given edge over a box in LPS mm.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a box of some cells")]
     pub(super) fn of_edge(bounds: [Vec3; 2], edge: f64) -> Self {
         let shape = extent(bounds).map(|e| (e.max(0.0) / edge).floor() as usize + 1);
         Self { origin: bounds[0], edge, shape }
@@ -97,7 +93,6 @@ impl Cells {
 
     /// The cell that holds a place, if it is in the survey.
     #[inline]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     pub(super) fn at(&self, p: Vec3) -> Option<[usize; 3]> {
         let mut cell = [0; 3];
         for a in 0..3 {
@@ -149,14 +144,12 @@ impl Cells {
 
     /// Centre of a cell, LPS mm.
     #[inline]
-    #[expect(clippy::cast_precision_loss)]
     pub(super) fn centre(&self, [x, y, z]: [usize; 3]) -> Vec3 {
         let c = |i: usize, a: usize| self.origin[a] + i as f64 * self.edge;
         [c(x, 0), c(y, 1), c(z, 2)]
     }
 
     /// A ball's radius in cells, squared, for [`super::distance`].
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     pub(super) fn squared(&self, mm: f64) -> u16 {
         let r = mm / self.edge;
         (r * r).floor() as u16

@@ -28,7 +28,6 @@ fn errors(phantom: &Phantom, skin: &Skin) -> Vec<f64> {
     skin.points.iter().map(|p| phantom.signed_distance(p.place.map(f64::from))).collect()
 }
 
-#[expect(clippy::cast_precision_loss)]
 fn rms(errors: &[f64]) -> f64 {
     (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
 }
@@ -39,7 +38,6 @@ fn the_skin_lies_in_its_true_place() {
     let skin = skin.expect("a head");
     let errors = errors(&phantom, &skin);
     let near: Vec<f64> = errors.iter().copied().filter(|e| e.abs() < 3.0).collect();
-    #[expect(clippy::cast_precision_loss)]
     let (stray, bias) =
         (1.0 - near.len() as f64 / errors.len() as f64, near.iter().sum::<f64>() / near.len() as f64);
     assert!(stray < 0.002, "{stray} of the points are no skin");

@@ -40,7 +40,6 @@ impl Width {
                 .filter(|share| (COUNTED[0]..COUNTED[1]).contains(share))
                 .count();
             let sum = &mut sums[usize::from(axis == space.slice_axis())];
-            #[expect(clippy::cast_precision_loss)]
             {
                 sum[0] += length * on_slope as f64;
             }
