@@ -1,6 +1,8 @@
 //! The command line: one file a subcommand.
 
+mod compare;
 mod demo;
+mod evaluate;
 mod exit;
 mod inputs;
 mod openapi;
@@ -37,6 +39,8 @@ enum Command {
     Demo(demo::Args),
     Reconstruct(reconstruct::Args),
     Phantom(phantom::Args),
+    Evaluate(evaluate::Args),
+    Compare(compare::Args),
     Openapi(openapi::Args),
     Token(token::Args),
 }
@@ -49,6 +53,8 @@ pub fn run() -> ExitCode {
         Command::Demo(args) => demo::run(args),
         Command::Reconstruct(args) => reconstruct::run(args),
         Command::Phantom(args) => phantom::run(args),
+        Command::Evaluate(args) => evaluate::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Openapi(args) => openapi::run(args),
         Command::Token(args) => token::run(args),
     };

@@ -1,5 +1,6 @@
 //! One binary for all tests that go through the doors that users use.
 
+mod cli_evaluate;
 mod cli_phantom;
 mod cli_reconstruct;
 mod cloud_ply;
