@@ -10,6 +10,7 @@ mod output;
 mod phantom;
 mod progress;
 mod reconstruct;
+mod render;
 mod serve;
 mod settings;
 mod signals;
@@ -41,6 +42,7 @@ enum Command {
     Phantom(phantom::Args),
     Evaluate(evaluate::Args),
     Compare(compare::Args),
+    Render(render::Args),
     Openapi(openapi::Args),
     Token(token::Args),
 }
@@ -55,6 +57,7 @@ pub fn run() -> ExitCode {
         Command::Phantom(args) => phantom::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Render(args) => render::run(args),
         Command::Openapi(args) => openapi::run(args),
         Command::Token(args) => token::run(args),
     };

@@ -97,7 +97,7 @@ impl Target {
                     point: points[index],
                     distance: found.distance.sqrt(),
                     outside: normals.as_ref().map(along),
-                    index: u32::try_from(found.item).unwrap_or(u32::MAX),
+                    index: found.item,
                 }
             }
         }

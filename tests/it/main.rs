@@ -3,6 +3,7 @@
 mod cli_evaluate;
 mod cli_phantom;
 mod cli_reconstruct;
+mod cli_render;
 mod cloud_ply;
 mod dicom_decode;
 mod dicom_scan;

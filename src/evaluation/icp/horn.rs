@@ -2,7 +2,7 @@
 //! quaternions).
 
 use super::Rigid;
-use crate::geometry::{Vec3, add, dot, scale, sub};
+use crate::geometry::{Vec3, add, dot, leading_eigenvector, scale, sub};
 
 /// The motion of the first of each pair that makes the sum of squared distances to the second
 /// least. A single place, or none, gives a translation.
@@ -44,41 +44,4 @@ fn rotation([w, x, y, z]: [f64; 4]) -> [Vec3; 3] {
         [2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)],
         [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z],
     ]
-}
-
-/// Unit eigenvector of the largest eigenvalue of a symmetric matrix, by Jacobi's rotations.
-fn leading_eigenvector(mut a: [[f64; 4]; 4]) -> [f64; 4] {
-    // Columns are the eigenvectors.
-    let mut v: [[f64; 4]; 4] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
-    // Converges quadratically: 4 × 4 is done after five or six sweeps.
-    for _ in 0..30 {
-        let off: f64 = (0..4).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| a[i][j].powi(2)).sum();
-        if off == 0.0 {
-            break;
-        }
-        for p in 0..4 {
-            for q in p + 1..4 {
-                if a[p][q] == 0.0 {
-                    continue;
-                }
-                let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-                let cos = 1.0 / t.hypot(1.0);
-                let sin = t * cos;
-                for row in &mut a {
-                    (row[p], row[q]) = (cos * row[p] - sin * row[q], sin * row[p] + cos * row[q]);
-                }
-                for k in 0..4 {
-                    (a[p][k], a[q][k]) = (cos * a[p][k] - sin * a[q][k], sin * a[p][k] + cos * a[q][k]);
-                }
-                for row in &mut v {
-                    (row[p], row[q]) = (cos * row[p] - sin * row[q], sin * row[p] + cos * row[q]);
-                }
-            }
-        }
-    }
-    let largest = (0..4).max_by(|&i, &j| a[i][i].total_cmp(&a[j][j])).unwrap_or(0);
-    let vector = v.map(|row| row[largest]);
-    let length = vector.iter().map(|c| c * c).sum::<f64>().sqrt();
-    if length > 0.0 { vector.map(|c| c / length) } else { [1.0, 0.0, 0.0, 0.0] }
 }

@@ -101,8 +101,8 @@ pub fn register(points: &[Vec3], target: &Target, settings: Settings) -> Option<
         let chosen = selection::nearest_ones(&nearest, limit);
         let squares: f64 = chosen.iter().map(|&index| nearest[index].distance.powi(2)).sum();
         let now = (squares / chosen.len() as f64).sqrt();
-        // Not `now > rms` alone: nothing that is not a number goes on.
-        if iteration > 0 && !(now <= rms) {
+        // Nothing that is not a number goes on.
+        if iteration > 0 && (now.is_nan() || now > rms) {
             iteration -= 1;
             break End::NoDecrease;
         }
