@@ -15,9 +15,11 @@ const FINER: usize = 2;
 const MARGIN: u32 = 24;
 /// Above a panel: two lines of text.
 const CAPTION: u32 = 64;
+/// Beside a cloud, for the letters of the patient's directions, pixels.
+const SIDE: u32 = 24;
 /// A caption needs some width, pixels.
 const MIN_WIDTH: u32 = 260;
-/// Share of a panel that its cloud fills.
+/// Share of a panel's height that its cloud fills.
 const FILLED: f64 = 0.94;
 /// More panels than this in all, and each cloud gets a row of its own.
 const MAX_IN_A_ROW: usize = 4;
@@ -70,8 +72,11 @@ pub fn draw(subjects: &[Subject<'_>], options: &Options) -> RgbImage {
     };
     let tallest = options.views.iter().map(|view| extent(*view)[1]).fold(1.0, f64::max);
     let per_mm = f64::from(options.panel_height) * FILLED / tallest;
-    let widths: Vec<u32> =
-        options.views.iter().map(|view| pixels(extent(*view)[0] * per_mm / FILLED).max(MIN_WIDTH)).collect();
+    let widths: Vec<u32> = options
+        .views
+        .iter()
+        .map(|view| (pixels(extent(*view)[0] * per_mm) + 2 * SIDE).max(MIN_WIDTH))
+        .collect();
 
     let of_a_cloud = widths.iter().map(|width| width + MARGIN).sum::<u32>();
     let count = u32::try_from(subjects.len()).unwrap_or(u32::MAX).max(1);

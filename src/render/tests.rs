@@ -48,7 +48,8 @@ fn clouds_of_one_head_share_their_place_and_strangers_do_not() {
         let subject = |shape| Subject { shape, caption: String::new() };
         let options = Options { views: vec![View::Front], ..OPTIONS };
         let image = draw(&[subject(&a), subject(&b)], &options);
-        let panel = image.width() / 2;
+        // The margin of 24 stands once at the left and once behind each panel.
+        let panel = (image.width() - 24) / 2;
         let columns = drawn_columns(&image);
         let mean = |from: u32| {
             let inside: Vec<_> = columns.iter().filter(|x| (from..from + panel).contains(x)).collect();

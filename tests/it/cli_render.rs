@@ -40,7 +40,7 @@ fn red_side(path: &Path) -> f64 {
     let rows = image.height() - 60;
     let red: Vec<f64> = image
         .enumerate_pixels()
-        .filter(|(_, y, p)| *y < rows && p.0[0] > 90 && p.0[0] > 2 * p.0[1].max(p.0[2]))
+        .filter(|(_, y, p)| *y < rows && p.0[0] > 90 && p.0[0] / 2 > p.0[1].max(p.0[2]))
         .map(|(x, ..)| f64::from(x))
         .collect();
     assert!(red.len() > 200, "{} red pixels", red.len());
