@@ -16,14 +16,16 @@
 //! | [`pipeline`] | the paper: [`dicom::Volume`] → slices → contours → clouds, one file a step |
 //! | [`cloud`] | [`cloud::PointCloud`] and its formats |
 //! | [`reconstruction`] | the whole way from instances to clouds and report, without a service |
+//! | [`evaluation`] | the paper's evaluation: a cloud against the truth, ICP, any cloud or mesh file |
+//! | [`render`] | pictures of clouds |
 //! | [`phantom`] | a synthetic head CT whose skin is known exactly |
 //! | [`cli`] | the command line |
 //! | [`error`] | what can be refused, and its one mapping to DIMSE status and problem+json |
 //! | [`telemetry`] | metrics and log set-up |
 //! | [`service`] | starts all of it, stops all of it |
 //!
-//! `geometry`, `dicom`, `pipeline`, `cloud`, `phantom` and `reconstruction` are plain synchronous
-//! code. Only `dimse`, `intake`, `jobs`, `store`, `http` and `service` know tokio.
+//! `geometry`, `dicom`, `pipeline`, `cloud`, `evaluation`, `render`, `phantom` and `reconstruction` are
+//! plain synchronous code. Only `dimse`, `intake`, `jobs`, `store`, `http` and `service` know tokio.
 //!
 //! Where to add: a rejection rule → `pipeline/rules/`; a cloud format → `cloud/formats/`; a DIMSE
 //! service → `dimse/services/`; another database → `store/catalog/`.
@@ -34,6 +36,7 @@ pub mod config;
 pub mod dicom;
 pub mod dimse;
 pub mod error;
+pub mod evaluation;
 pub mod geometry;
 pub mod http;
 pub mod intake;
@@ -41,6 +44,7 @@ pub mod jobs;
 pub mod phantom;
 pub mod pipeline;
 pub mod reconstruction;
+pub mod render;
 pub mod service;
 pub mod store;
 pub mod telemetry;

@@ -7,7 +7,7 @@ pub(super) const TABLE: &str = "Exit codes:
   0  done
   1  internal error, or the output can't be written
   2  the arguments or the configuration are not valid, or --series is needed
-  3  the input can't be read, or holds no CT series
+  3  the input can't be read, or holds no CT series, no cloud, no mesh
   4  the series can't be reconstructed: its geometry or its pixels (the message names the error)
   5  no skin was found (empty_cloud, no_head, …); the report has the reasons";
 

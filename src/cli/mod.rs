@@ -1,6 +1,8 @@
 //! The command line: one file a subcommand.
 
+mod compare;
 mod demo;
+mod evaluate;
 mod exit;
 mod inputs;
 mod openapi;
@@ -8,6 +10,7 @@ mod output;
 mod phantom;
 mod progress;
 mod reconstruct;
+mod render;
 mod serve;
 mod settings;
 mod signals;
@@ -38,6 +41,9 @@ enum Command {
     Demo(demo::Args),
     Reconstruct(reconstruct::Args),
     Phantom(phantom::Args),
+    Evaluate(evaluate::Args),
+    Compare(compare::Args),
+    Render(render::Args),
     Openapi(openapi::Args),
     Token(token::Args),
 }
@@ -50,6 +56,9 @@ pub fn run() -> ExitCode {
         Command::Demo(args) => demo::run(args),
         Command::Reconstruct(args) => reconstruct::run(args),
         Command::Phantom(args) => phantom::run(args),
+        Command::Evaluate(args) => evaluate::run(args),
+        Command::Compare(args) => compare::run(args),
+        Command::Render(args) => render::run(args),
         Command::Openapi(args) => openapi::run(args),
         Command::Token(args) => token::run(args),
     };

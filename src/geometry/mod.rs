@@ -3,11 +3,13 @@
 //! All coordinates are DICOM patient coordinates in mm (PS3.3 C.7.6.2.1.1): x to the patient's
 //! left, y to the posterior, z to the head (LPS), unless a [`Frame`] says otherwise.
 
+mod eigen;
 mod frame;
 mod grid;
 mod plane;
 mod vector;
 
+pub(crate) use eigen::{leading_eigenvector, smallest_eigenvector};
 pub use frame::Frame;
 pub use grid::{Axis, Grid};
 pub use plane::{Plane, PlaneSet};

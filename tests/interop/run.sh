@@ -38,6 +38,7 @@ fi
 run "DICOM peers" "$here/peers.sh" "$triplanar" "$shared"
 run "the API against its description" "$here/api.sh" "$triplanar"
 run "point-cloud tools" "$here/clouds.sh" "$triplanar"
+run "CloudCompare's registration" "$here/evaluate.sh" "$triplanar"
 if [ -d "$shared/tools" ]; then
   run "score against the known skin" "$here/score.sh" "$triplanar" "$shared"
 else

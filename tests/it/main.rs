@@ -1,7 +1,9 @@
 //! One binary for all tests that go through the doors that users use.
 
+mod cli_evaluate;
 mod cli_phantom;
 mod cli_reconstruct;
+mod cli_render;
 mod cloud_ply;
 mod dicom_decode;
 mod dicom_scan;

@@ -54,7 +54,7 @@ fn aside(outlines: &[[f64; RAYS]], t: f64) -> Option<f64> {
     if quarters.iter().any(|&q| q < least) {
         return None;
     }
-    // A shift by (x, y) changes the radius by x cos + y sin: the median over opposite quarters is
+    // A shift by (x, y) changes the radius by x cos + y sin: the middle half of opposite quarters is
     // robust to an ear.
     let along = |phase: f64| {
         let mut parts: Vec<f64> = bend
@@ -65,8 +65,10 @@ fn aside(outlines: &[[f64; RAYS]], t: f64) -> Option<f64> {
                 (cosine.abs() > 0.7).then(|| bend / cosine)
             })
             .collect();
-        let middle = parts.len() / 2;
-        *parts.select_nth_unstable_by(middle, f64::total_cmp).1
+        parts.sort_unstable_by(f64::total_cmp);
+        // A growing outline pulls the two sides apart: the middle half cancels that.
+        let half = &parts[parts.len() / 4..parts.len() - parts.len() / 4];
+        half.iter().sum::<f64>() / half.len() as f64
     };
     Some(along(0.0).hypot(along(std::f64::consts::FRAC_PI_2)))
 }
