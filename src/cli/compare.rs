@@ -51,7 +51,7 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     direction(&mut table, "A to B", &comparison.a_to_b);
     direction(&mut table, "B to A", &comparison.b_to_a);
     table.line("Hausdorff", format!("{:.3} mm", comparison.hausdorff_mm));
-    table.registration(comparison.registration.as_ref(), a.source.points());
+    table.registration(comparison.registration.as_ref());
     args.json.write(&document, &table)
 }
 

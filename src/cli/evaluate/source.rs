@@ -41,13 +41,6 @@ pub(crate) struct Source {
     pub(super) dropped_points: usize,
 }
 
-impl Source {
-    /// Points that are used.
-    pub(crate) fn points(&self) -> usize {
-        self.points
-    }
-}
-
 /// A shape in LPS mm, with what is to be said of it.
 #[derive(Debug)]
 pub(crate) struct Opened {

@@ -52,7 +52,7 @@ impl Table {
         }
         self.coverage("coverage", &evaluation.coverage);
         self.distances("distance", &evaluation.distances, evaluation.sign);
-        self.registration(evaluation.registration.as_ref(), evaluation.points);
+        self.registration(evaluation.registration.as_ref());
     }
 
     /// Unique points.
@@ -84,8 +84,8 @@ impl Table {
         self.line("", format!("{bias}; {} farther than 2 mm", per_cent(distances.stray_share)));
     }
 
-    /// The registration of that many points, or that there is none.
-    pub(crate) fn registration(&mut self, registration: Option<&Registration>, points: usize) {
+    /// The registration, or that there is none.
+    pub(crate) fn registration(&mut self, registration: Option<&Registration>) {
         let Some(r) = registration else {
             self.line("rms after ICP", "none: fewer than 4 points");
             return;
@@ -106,12 +106,11 @@ impl Table {
                 r.iterations
             ),
         );
-        let share = r.points_used as f64 / points.max(1) as f64;
-        if share < MIN_SHARE * r.settings.overlap {
-            let left = per_cent(share);
+        if r.is_doubtful {
+            let share = per_cent(r.used_share);
             self.line(
                 "",
-                format!("DOUBTFUL: only {left} of the points took part; the others were removed as far"),
+                format!("DOUBTFUL: only {share} of the points took part; the others were removed as far"),
             );
         }
         let [x, y, z] = r.shift_mm;
@@ -124,10 +123,6 @@ impl Table {
         );
     }
 }
-
-/// Farthest-point removal goes on in each round, and may fit a small part of a cloud alone: then the
-/// RMS says little.
-const MIN_SHARE: f64 = 0.85;
 
 fn per_cent(share: f64) -> String {
     format!("{:.2} %", 100.0 * share)

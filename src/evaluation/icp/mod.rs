@@ -59,6 +59,11 @@ pub struct Registration {
     pub initial_rms_mm: f64,
     /// How many points took part in the last round.
     pub points_used: usize,
+    /// Their share of all points, 0 to 1.
+    pub used_share: f64,
+    /// Whether far fewer points took part than the overlap lets: farthest-point removal goes on in
+    /// each round, and may fit a small part of a cloud alone. Then the root mean square says little.
+    pub is_doubtful: bool,
     /// How many points farthest-point removal had taken away by then.
     pub points_removed: usize,
     /// Motions that were applied.
@@ -74,6 +79,9 @@ pub struct Registration {
     /// The motion of the points onto the target: row by row, 4 × 4, homogeneous, LPS mm.
     pub matrix: [[f64; 4]; 4],
 }
+
+/// A smaller share of the overlap makes a registration doubtful.
+const MIN_SHARE: f64 = 0.85;
 
 /// Fewer points fix no rigid motion.
 pub(super) const MIN_POINTS: usize = 4;
@@ -125,11 +133,14 @@ pub fn register(points: &[Vec3], target: &Target, settings: Settings) -> Option<
     };
     let middle = middle(points);
     let shift_mm = sub(total.apply(middle), middle);
+    let used_share = used as f64 / points.len() as f64;
     Some(Registration {
         settings,
         rms_mm: rms,
         initial_rms_mm: initial,
         points_used: used,
+        used_share,
+        is_doubtful: used_share < MIN_SHARE * settings.overlap,
         points_removed: removed,
         iterations: iteration,
         end,
