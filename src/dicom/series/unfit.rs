@@ -45,9 +45,15 @@ fn is_secondary_capture(header: &InstanceHeader) -> bool {
     says(&header.image_type, &SECONDARY_CAPTURE)
 }
 
-/// Whether Image Type says that the image is no slice of a scan.
-pub(super) fn is_no_scan(image_type: &[String]) -> bool {
-    says(image_type, &LOCALIZER) || says(image_type, &SECONDARY_CAPTURE)
+/// What Image Type says that the image is instead of a slice of a scan.
+pub(super) fn no_scan(image_type: &[String]) -> Option<UnfitReason> {
+    if says(image_type, &LOCALIZER) {
+        Some(UnfitReason::Localizer)
+    } else if says(image_type, &SECONDARY_CAPTURE) {
+        Some(UnfitReason::SecondaryCapture)
+    } else {
+        None
+    }
 }
 
 const LOCALIZER: [&str; 1] = ["LOCALIZER"];

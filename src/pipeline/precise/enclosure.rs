@@ -7,13 +7,15 @@ const VIEW_MM: f64 = 60.0;
 
 /// The share of the 26 directions from a cell in which a ray meets the body within 60 mm, 0 to 1:
 /// about a half on the outside of a face, nearly one in a sinus.
-#[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "at most 26 rays of 60 steps")]
+#[expect(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    reason = "at most 26 rays of 60 steps"
+)]
 pub(super) fn enclosure(cells: &Cells, cell: usize, is_body: impl Fn(usize) -> bool) -> f64 {
     let steps = (VIEW_MM / cells.edge) as isize;
     let from = cells.cell(cell);
-    let met = directions().filter(|&d| {
-        (1..=steps).map_while(|n| step(cells, from, d, n)).any(&is_body)
-    });
+    let met = directions().filter(|&d| (1..=steps).map_while(|n| step(cells, from, d, n)).any(&is_body));
     met.count() as f64 / 26.0
 }
 

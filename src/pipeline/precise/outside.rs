@@ -125,7 +125,9 @@ impl Outside {
         Self { cells, open }
     }
 
-    pub(super) fn debug(&self) -> &[u8] { &self.open } // DEBUG
+    pub(super) fn debug(&self) -> &[u8] {
+        &self.open
+    } // DEBUG
 
     /// How far before a border [`Self::beyond`] looks, mm.
     pub(super) fn reach_mm(&self) -> f64 {

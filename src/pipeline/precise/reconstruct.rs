@@ -48,11 +48,16 @@ pub fn reconstruct(
     }
     let outside = Outside::find(&space, &patient);
     go_on(Stage::Axial, 1.0)?;
-    if let Ok(f) = std::env::var("KINDS") { // DEBUG
+    if let Ok(f) = std::env::var("KINDS") {
+        // DEBUG
         let c = &patient.cells; // DEBUG
         let mut b: Vec<u8> = Vec::new(); // DEBUG
-        for v in c.shape { b.extend((v as u32).to_le_bytes()); } // DEBUG
-        for v in c.origin { b.extend(v.to_le_bytes()); } // DEBUG
+        for v in c.shape {
+            b.extend((v as u32).to_le_bytes());
+        } // DEBUG
+        for v in c.origin {
+            b.extend(v.to_le_bytes());
+        } // DEBUG
         b.extend(c.edge.to_le_bytes()); // DEBUG
         b.extend(patient.kinds.iter().map(|k| *k as u8)); // DEBUG
         b.extend(outside.debug()); // DEBUG

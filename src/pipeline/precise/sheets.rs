@@ -184,11 +184,8 @@ fn contact(
             normals.insert(i, n);
         }
     }
-    let outside_reach: Vec<usize> = border
-        .iter()
-        .copied()
-        .filter(|&i| kinds[i] == Cell::Patient && reach[i] == u16::MAX)
-        .collect();
+    let outside_reach: Vec<usize> =
+        border.iter().copied().filter(|&i| kinds[i] == Cell::Patient && reach[i] == u16::MAX).collect();
     for i in outside_reach {
         if let Some(n) = normal_of(cells, kinds, i, thing) {
             normals.insert(i, n);

@@ -58,7 +58,18 @@ impl<'a> Space<'a> {
         let up = cross(a, b);
         let area = dot(up, up);
         let reciprocal = [scale(cross(b, up), 1.0 / area), scale(cross(up, a), 1.0 / area)];
-        Some(Self { hu, shape, slice_axis, in_plane, origins, step, normal, heights, slices_per_mm, reciprocal })
+        Some(Self {
+            hu,
+            shape,
+            slice_axis,
+            in_plane,
+            origins,
+            step,
+            normal,
+            heights,
+            slices_per_mm,
+            reciprocal,
+        })
     }
 
     /// Offset of a voxel in [`Self::hu`].
