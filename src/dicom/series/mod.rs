@@ -28,7 +28,7 @@ use orient::Orientation;
 use slice::Slice;
 
 pub use error::SeriesError;
-pub use unfit::unfit;
+pub use unfit::{unfit, unfit_detail};
 pub use warning::{IgnoredInstance, Warning, WarningCode};
 
 /// What a series may be at most, and must be at least.
