@@ -11,6 +11,9 @@ pub(super) fn print(report: &Report) {
     for warning in &report.warnings {
         println!("warning      {}: {}", warning.code.name(), warning.detail);
     }
+    if !report.unused.is_empty() {
+        println!("not used     {} files of the input (the report lists them)", report.unused.len());
+    }
     for plane in &report.planes {
         let reasons: Vec<_> =
             plane.rejected.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
@@ -24,6 +27,10 @@ pub(super) fn print(report: &Report) {
         );
     }
     let figures = &report.figures;
+    let outside: u64 = figures.outside_axial_box.iter().sum();
+    if outside > 0 {
+        println!("left out     {outside} contour pixels outside the axial slices' box");
+    }
     println!("points       {} ({} after merging)", figures.after_statistical, figures.merged);
     println!("unique       {} ({:.2} %)", figures.unique, 100.0 * figures.unique_share);
     println!("over axial   {} ({:.2} %)", figures.additional_over_axial, 100.0 * figures.additional_share);
