@@ -122,6 +122,9 @@ pub enum Error {
     /// The method is not one of this resource's. 405.
     #[error("this resource does not have that method")]
     MethodNotAllowed,
+    /// The representation is another one than If-Match names. 412.
+    #[error("it is another version than If-Match names; ask for the whole again")]
+    PreconditionFailed,
     /// The range lies outside the representation. 416.
     #[error("the range lies outside the {length} bytes")]
     RangeNotSatisfiable {
@@ -132,12 +135,14 @@ pub enum Error {
     #[error("series {0} has no finished reconstruction yet")]
     SeriesIncomplete(SeriesInstanceUid),
     /// The series can't be reconstructed. 409.
-    #[error("series {uid} can't be reconstructed: {reason}")]
+    #[error("series {uid} can't be reconstructed: {reason}{}", in_brackets(detail.as_deref()))]
     NotReconstructable {
         /// The series.
         uid: SeriesInstanceUid,
         /// The stable code of the reason.
         reason: String,
+        /// What was found and the limit, where that is known.
+        detail: Option<String>,
     },
     /// The reconstruction is not (yet) in a state that has this. 409.
     #[error("the reconstruction is {state}: {detail}")]
@@ -161,6 +166,10 @@ pub enum Error {
     /// A failure of our own: logged with its cause, told without it. 0110, 500.
     #[error("internal error; the service's log has the cause")]
     Internal(#[source] Box<dyn std::error::Error + Send + Sync>),
+}
+
+fn in_brackets(detail: Option<&str>) -> String {
+    detail.map_or_else(String::new, |detail| format!(" ({detail})"))
 }
 
 /// How an [`Error`] is told to a peer.
@@ -215,6 +224,7 @@ impl Error {
             }
             Self::NotAcceptable(_) => ("not-acceptable", "Not acceptable", 0x0115, 406),
             Self::MethodNotAllowed => ("method-not-allowed", "Method not allowed", 0x0211, 405),
+            Self::PreconditionFailed => ("precondition-failed", "Precondition failed", 0x0115, 412),
             Self::RangeNotSatisfiable { .. } => {
                 ("range-not-satisfiable", "Range not satisfiable", 0x0115, 416)
             }

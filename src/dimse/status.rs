@@ -37,29 +37,48 @@ impl Refusal {
 }
 
 impl From<&Error> for Refusal {
-    /// The stable code stands first. 64 characters hold little more: where the error has a detail
-    /// of its own, that is what follows, otherwise the beginning of its explanation.
+    /// The stable code stands first. 64 characters hold little more: what differs from case to case
+    /// follows; what does not is in the conformance statement.
     fn from(error: &Error) -> Self {
         let mapping = error.mapping();
         let code = mapping.code;
         let comment = match error {
-            Error::NotDicom(detail) | Error::MalformedDataSet(detail) | Error::DataSetMismatch(detail) => {
-                format!("{code}: {detail}")
+            Error::NotDicom(detail) | Error::MalformedDataSet(detail) => format!("{code}: {detail}"),
+            // Both UIDs don't fit.
+            Error::DataSetMismatch(detail) => {
+                let what = detail.split_once(" is ").map_or(detail.as_str(), |(what, _)| what);
+                format!("{code}: {what} is not the command's")
             }
+            Error::MissingAttribute { attribute } => format!("{code}: {attribute}"),
+            Error::ConflictingInstance(_) => format!("{code}: stored with other content"),
+            Error::ConflictingSeries(_) => format!("{code}: stored in another series or study"),
+            Error::ConflictingStudy(_) => format!("{code}: its series is of another study"),
+            Error::SeriesFull { limit, setting } => format!("{code}: {limit} ({setting})"),
+            Error::TooLarge { limit_bytes, setting } => format!("{code}: over {limit_bytes} ({setting})"),
+            Error::UnsupportedTransferSyntax(uid) => format!("{code}: {uid}"),
+            Error::UnsupportedSopClass(uid) => format!("{code}: {uid}"),
+            Error::OutOfStorage => format!("{code}: below storage.min_free_bytes"),
+            Error::ShuttingDown => format!("{code}: try again later"),
+            Error::Internal(_) => format!("{code}: the service's log has the cause"),
             other => format!("{code}: {other}"),
         };
         Self { status: mapping.dimse_status, code, comment: long_string(&comment) }
     }
 }
 
+/// Ends what was cut.
+const CUT: &str = "...";
+
 /// As LO allows it: 64 characters, no backslash, no control characters, here ASCII alone. What is
-/// too long ends after a whole word: half a UID is another UID.
+/// too long ends after a whole word, and with dots: half a UID is another UID.
 fn long_string(text: &str) -> String {
     let allowed = |c: char| if (c.is_ascii_graphic() && c != '\\') || c == ' ' { c } else { '?' };
     let mut line: String = text.chars().map(allowed).collect();
     if line.len() > MAX_COMMENT {
-        let whole_words = line[..=MAX_COMMENT].rfind(' ').unwrap_or(MAX_COMMENT);
+        let room = MAX_COMMENT - CUT.len();
+        let whole_words = line[..=room].rfind(' ').unwrap_or(room);
         line.truncate(whole_words);
+        line.push_str(CUT);
     }
     line.trim_end().to_owned()
 }
@@ -77,6 +96,14 @@ mod tests {
         let refusal = Refusal::from(&Error::MalformedDataSet("40 sequences inside one another".to_owned()));
         assert_eq!(refusal.comment, "malformed-data-set: 40 sequences inside one another");
         assert_eq!(long_string("a\\b\nµ"), "a?b??");
+        let words = long_string(&"a word ".repeat(20));
+        assert!(words.len() <= 64 && words.ends_with(" a..."), "{words}");
+        let mismatch = "its SOP instance is 1.2.3, the command's 1.2.4".to_owned();
+        let comment = Refusal::from(&Error::DataSetMismatch(mismatch)).comment;
+        assert_eq!(comment, "data-set-mismatch: its SOP instance is not the command's");
+        let attribute = "SeriesInstanceUID (0020,000E)";
+        let comment = Refusal::from(&Error::MissingAttribute { attribute }).comment;
+        assert_eq!(comment, "missing-attribute: SeriesInstanceUID (0020,000E)");
         let uid = "1.2.826.0.1.3680043.10.9999.5.3.11";
         let comment = Refusal::from(&Error::ConflictingInstance(uid.parse().unwrap())).comment;
         assert!(!comment.contains("1.2.826") || comment.contains(uid), "half a UID: {comment}");

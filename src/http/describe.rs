@@ -11,6 +11,7 @@ use utoipa::openapi::{
 use utoipa::{PartialSchema, ToSchema};
 
 use super::auth::{Access, access};
+use super::octets;
 use super::problem::{MEDIA_TYPE, Problem};
 use super::router;
 use crate::pipeline::legend;
@@ -23,7 +24,8 @@ Head CT in (C-STORE, STOW-RS, upload), the patient's skin as a point cloud out.\
 Coordinates are DICOM patient coordinates, mm: LPS (left, posterior, superior), or RAS on request. \
 Times are UTC. Errors are problem details (RFC 9457) whose `type` is a stable URN. Lists come in \
 pages: pass `next_cursor` on as `cursor`.\n\n\
-Where tokens are configured, send one as `Authorization: Bearer <token>`. Roles: `upload` sends \
+Where tokens are configured, send one as `Authorization: Bearer <token>`; where none are, none is \
+needed. Roles: `upload` sends \
 instances, completes series and starts reconstructions; `read` reads; `operate` does everything.\n\n\
 Not a medical device.";
 
@@ -33,6 +35,9 @@ const ANYWHERE: [(&str, &str); 3] = [
     ("500", "A failure of the service; its log has the cause, under this request's id."),
     ("503", "Busy, shutting down, or at a limit: try again later (Retry-After)."),
 ];
+
+/// What a representation that can be asked for in parts can end in.
+const CHANGED: &str = "It is another version than If-Match names.";
 
 /// What an operation that needs a token can end in.
 const PROTECTED: [(&str, &str); 2] =
@@ -48,6 +53,7 @@ pub fn openapi() -> OpenApi {
     for (path, item) in &mut api.paths.paths {
         for (method, operation) in operations_of(item) {
             complete(path, operation, access(&method, path));
+            octets::describe(operation);
         }
     }
     let pictures = api.paths.paths.iter_mut().filter(|(path, _)| path.ends_with(PICTURE));
@@ -62,6 +68,7 @@ pub fn openapi() -> OpenApi {
     let mut more = Vec::new();
     Problem::schemas(&mut more);
     components.schemas.extend(more);
+    components.schemas.values_mut().for_each(octets::describe_schema);
     let scheme = HttpBuilder::new()
         .scheme(HttpAuthScheme::Bearer)
         .description(Some("A token of the service's configuration (`triplanar token` makes one)."))
@@ -119,11 +126,16 @@ fn complete(path: &str, operation: &mut Operation, access: Access) {
     for (status, description) in ANYWHERE {
         responses.entry(status.to_owned()).or_insert_with(|| described(description));
     }
+    if responses.contains_key("206") {
+        responses.entry("412".to_owned()).or_insert_with(|| described(CHANGED));
+    }
     if access != Access::Open {
         for (status, description) in PROTECTED {
             responses.entry(status.to_owned()).or_insert_with(|| described(description));
         }
-        operation.security = Some(vec![SecurityRequirement::new(BEARER, Vec::<String>::new())]);
+        // The empty one: a service without tokens asks for none.
+        let bearer = SecurityRequirement::new(BEARER, Vec::<String>::new());
+        operation.security = Some(vec![bearer, SecurityRequirement::default()]);
         let role = format!("Needs a token of the role {}.", access.roles());
         let description = operation.description.take();
         operation.description = Some(match description {

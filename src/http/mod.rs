@@ -14,6 +14,7 @@ mod identity;
 mod media_type;
 mod multipart;
 mod observe;
+mod octets;
 mod problem;
 mod representation;
 mod resources;

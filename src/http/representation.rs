@@ -1,4 +1,5 @@
 //! Whole representations in memory (clouds, reports, pictures), served with a strong ETag,
+//! If-Match,
 //! If-None-Match, Range, If-Range, HEAD and gzip (RFC 9110 sections 8.4, 8.8, 13, 14).
 //!
 //! Each content coding is a representation of its own with an ETag of its own; a range is always
@@ -10,7 +11,7 @@ use std::ops::Range;
 use axum::body::Body;
 use axum::http::header::{
     ACCEPT_ENCODING, ACCEPT_RANGES, CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_ENCODING, CONTENT_LENGTH,
-    CONTENT_RANGE, CONTENT_TYPE, ETAG, IF_NONE_MATCH, IF_RANGE, RANGE, VARY,
+    CONTENT_RANGE, CONTENT_TYPE, ETAG, IF_MATCH, IF_NONE_MATCH, IF_RANGE, RANGE, VARY,
 };
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode};
 use axum::response::Response;
@@ -42,7 +43,7 @@ impl Representation {
     /// threads.
     ///
     /// # Errors
-    /// [`Error::RangeNotSatisfiable`].
+    /// [`Error::PreconditionFailed`], [`Error::RangeNotSatisfiable`].
     pub(super) fn respond(self, method: &Method, headers: &HeaderMap) -> Result<Response> {
         let hash = hex::encode(&Sha256::digest(&self.bytes)[..16]);
         let (identity_tag, gzip_tag) = (format!("\"{hash}\""), format!("\"{hash}-gzip\""));
@@ -54,6 +55,10 @@ impl Representation {
             && accepts_gzip(headers);
         let tag = if gzip { gzip_tag } else { identity_tag };
 
+        // Compared strongly (RFC 9110 section 13.1.1): a weak tag names no bytes.
+        if headers.contains_key(IF_MATCH) && !tags(headers, IF_MATCH).any(|one| one == "*" || one == tag) {
+            return Err(Error::PreconditionFailed);
+        }
         if list_holds(headers, &tag) {
             return self.response(StatusCode::NOT_MODIFIED, &tag, Bytes::new(), &[]);
         }
@@ -111,13 +116,17 @@ impl Representation {
 
 /// If-None-Match holds the tag, compared weakly (RFC 9110 section 13.1.2).
 fn list_holds(headers: &HeaderMap, tag: &str) -> bool {
+    tags(headers, IF_NONE_MATCH).any(|one| one == "*" || one.strip_prefix("W/").unwrap_or(one) == tag)
+}
+
+/// The tags that a header lists. (Ours have no commas in them.)
+fn tags(headers: &HeaderMap, name: HeaderName) -> impl Iterator<Item = &str> {
     headers
-        .get_all(IF_NONE_MATCH)
-        .iter()
+        .get_all(name)
+        .into_iter()
         .filter_map(|value| value.to_str().ok())
         .flat_map(|value| value.split(','))
         .map(str::trim)
-        .any(|one| one == "*" || one.strip_prefix("W/").unwrap_or(one) == tag)
 }
 
 fn accepts_gzip(headers: &HeaderMap) -> bool {
@@ -227,6 +236,24 @@ mod tests {
                 .get(CONTENT_ENCODING)
                 .is_none()
         );
+    }
+
+    #[test]
+    fn a_precondition_on_another_version_fails() {
+        let tag = answer(&Method::GET, &[]).unwrap().headers()[ETAG].to_str().unwrap().to_owned();
+        let (weak, several) = (format!("W/{tag}"), format!("\"other\", {tag}"));
+        for matches in [tag.as_str(), "*", several.as_str()] {
+            let part = answer(&Method::GET, &[(IF_MATCH, matches), (RANGE, "bytes=0-9")]).unwrap();
+            assert_eq!(part.status(), StatusCode::PARTIAL_CONTENT, "{matches}");
+        }
+        for other in ["\"other\"", weak.as_str(), ""] {
+            for pairs in [&[(IF_MATCH, other)][..], &[(IF_MATCH, other), (RANGE, "bytes=0-9")]] {
+                let refused = answer(&Method::GET, pairs);
+                assert!(matches!(refused, Err(Error::PreconditionFailed)), "{other}: {refused:?}");
+            }
+        }
+        // It comes before If-None-Match.
+        assert!(answer(&Method::HEAD, &[(IF_MATCH, "\"other\""), (IF_NONE_MATCH, &tag)]).is_err());
     }
 
     #[test]

@@ -76,6 +76,9 @@ pub(super) struct SeriesDetail {
     /// The series.
     #[serde(flatten)]
     pub series: SeriesView,
+    /// What was found and the limit, where there is an `unfit_reason`.
+    #[schema(examples("2 slices, intake.min_slices is 10"))]
+    pub unfit_detail: Option<String>,
     /// Its latest reconstruction.
     pub reconstruction: Option<ReconstructionView>,
     /// The instances that were refused.
@@ -115,9 +118,9 @@ pub(super) struct ReconstructionView {
     pub parameters: Parameters,
     /// Where it stands.
     pub state: ReconstructionState,
-    /// What runs now, or ran last.
+    /// What runs now; `null` while it waits and once it has ended.
     pub stage: Option<Stage>,
-    /// Part of the whole that is done, 0 to 1.
+    /// Part of the whole that is done, 0 to 1: 1 once it has succeeded, 0 if it ended otherwise.
     #[schema(minimum = 0.0, maximum = 1.0)]
     pub fraction: f64,
     /// Attempts begun.

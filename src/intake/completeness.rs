@@ -20,14 +20,25 @@ const LONGEST_SLEEP: Duration = Duration::from_secs(5);
 const AFTER_FAULT: Duration = Duration::from_secs(1);
 
 impl Intake {
-    /// The sender (an association, an HTTP request that broke off or that was one of many) will
-    /// send nothing more: its series are complete after the short quiet time, unless others still
-    /// send them.
+    /// The association will send nothing more: its series are complete after the short quiet time,
+    /// unless others still send them.
     ///
     /// # Errors
     /// The catalog's own.
     pub async fn association_ended(&self, sender: Uuid) -> Result<()> {
-        self.shared.store.catalog().sender_ended(sender, &self.shared.policy).await?;
+        self.sender_ended(sender, CompleteReason::AssociationEnded).await
+    }
+
+    /// The same of an HTTP request that broke off, or that was one of many.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn request_ended(&self, sender: Uuid) -> Result<()> {
+        self.sender_ended(sender, CompleteReason::UploadEnded).await
+    }
+
+    async fn sender_ended(&self, sender: Uuid, reason: CompleteReason) -> Result<()> {
+        self.shared.store.catalog().sender_ended(sender, reason, &self.shared.policy).await?;
         self.shared.timers.notify_one();
         Ok(())
     }

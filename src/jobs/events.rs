@@ -20,9 +20,9 @@ pub struct Event {
     pub id: ReconstructionId,
     /// Its state now.
     pub state: ReconstructionState,
-    /// What runs now, or ran last.
+    /// What runs now; `null` while it waits and once it has ended.
     pub stage: Option<Stage>,
-    /// Part of the whole that is done, 0 to 1.
+    /// Part of the whole that is done, 0 to 1: 1 once it has succeeded, 0 if it ended otherwise.
     pub fraction: f64,
 }
 

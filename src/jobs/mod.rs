@@ -128,8 +128,14 @@ impl Jobs {
             name: wrong.name.clone(),
             detail: wrong.to_string(),
         })?;
-        let (record, new) =
-            self.shared.store.enqueue(series, &parameters, self.shared.settings.max_queued).await?;
+        let store = &self.shared.store;
+        let (record, new) = match store.enqueue(series, &parameters, self.shared.settings.max_queued).await {
+            Err(Error::NotReconstructable { uid, reason, .. }) => {
+                let detail = store.unfit_detail(series, self.shared.limits.min_slices).await?;
+                return Err(Error::NotReconstructable { uid, reason, detail });
+            }
+            other => other?,
+        };
         if new {
             self.shared.wakeup.notify_one();
         }

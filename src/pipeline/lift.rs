@@ -32,6 +32,15 @@ pub fn lift(decisions: &Decisions, grid: &Grid) -> [PointCloud; 3] {
     })
 }
 
+/// How many contour pixels of each plane [`lift`] left out: those outside the box of the axial points.
+#[must_use]
+pub(super) fn outside_axial_box(decisions: &Decisions, raw: &[PointCloud; 3]) -> [u64; 3] {
+    Plane::ALL.map(|plane| {
+        let pixels: usize = decisions.accepted(plane).map(|(_, contour)| contour.len()).sum();
+        (pixels - raw[plane.index()].len()) as u64
+    })
+}
+
 #[expect(clippy::cast_possible_truncation, reason = "clouds are in single precision")]
 fn single(point: [f64; 3]) -> [f32; 3] {
     point.map(|v| v as f32)

@@ -82,6 +82,10 @@ pub struct Figures {
     /// Contour pixels lifted into patient space (`paper`), crossings measured (`precise`): axial,
     /// sagittal, coronal.
     pub raw: [u64; 3],
+    /// Contour pixels of accepted slices that were left out: they lie outside the bounding box of the
+    /// axial points in x and y. Axial (always 0), sagittal, coronal.
+    #[serde(default)]
+    pub outside_axial_box: [u64; 3],
     /// Points of each plane's own cloud, one a cell or leaf: axial, sagittal, coronal.
     pub downsampled: [u64; 3],
     /// After merging and the second voxel grid.

@@ -1,7 +1,7 @@
 //! The profile `paper`: the published pipeline, step by step.
 
 use super::decisions::decide;
-use super::lift::lift;
+use super::lift::{lift, outside_axial_box};
 use super::observer::{Observer, Stage};
 use super::outcome::{Figures, PipelineError, Reconstruction, count};
 use super::parameters::Parameters;
@@ -27,7 +27,11 @@ pub(super) fn reconstruct(
     let mut result = Reconstruction {
         triplanar: PointCloud::default(),
         uniplanar: raw.each_ref().map(|cloud| voxel_grid(cloud, parameters.leaf_mm)),
-        figures: Figures { raw: raw.each_ref().map(count), ..Figures::default() },
+        figures: Figures {
+            raw: raw.each_ref().map(count),
+            outside_axial_box: outside_axial_box(&decisions, &raw),
+            ..Figures::default()
+        },
         slices: decisions.rows,
         quality: None,
     };

@@ -98,6 +98,11 @@ fn without_an_accepted_axial_slice_there_is_no_box_and_so_no_point() {
         |plane| partial.slices.iter().filter(|r| r.plane == plane && r.rejection.is_none()).count();
     assert_eq!(accepted(Plane::Axial), 0);
     assert!(accepted(Plane::Sagittal) > 0 && accepted(Plane::Coronal) > 0);
+    let pixels = |plane| {
+        let accepted = partial.slices.iter().filter(|r| r.plane == plane && r.rejection.is_none());
+        accepted.map(|row| row.contour_points as u64).sum::<u64>()
+    };
+    assert_eq!(partial.figures.outside_axial_box, Plane::ALL.map(pixels), "none is dropped silently");
 }
 
 #[test]

@@ -8,7 +8,7 @@ mod summary;
 mod table;
 
 pub use failure::Failure;
-pub use report::{Identity, RefusedInstance, Report, ReportError, ReportRow, VolumeSummary};
+pub use report::{Identity, RefusedInstance, Report, ReportError, ReportRow, UnusedFile, VolumeSummary};
 pub use run::run;
 pub use summary::PlaneSummary;
 

@@ -36,6 +36,9 @@ pub struct Report {
     pub warnings: Vec<Warning>,
     /// Instances of the series that the service refused; they are not part of the volume.
     pub refused: Vec<RefusedInstance>,
+    /// Files of the input that were not used (`triplanar reconstruct` alone), by name.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unused: Vec<UnusedFile>,
     /// One row for each slice: axial, then sagittal, then coronal, each by index.
     pub slices: Vec<ReportRow>,
 }
@@ -80,6 +83,17 @@ pub struct RefusedInstance {
     pub code: String,
     /// How often it was sent.
     pub times: u64,
+}
+
+/// A file that is no instance of the series.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct UnusedFile {
+    /// Its name, relative to the folder or zip.
+    pub name: String,
+    /// Why: `other-series`, or as in the problem's URN, e.g. `not-dicom`, `malformed-data-set`.
+    pub code: String,
+    /// The same in words.
+    pub detail: String,
 }
 
 /// The decision on one slice.
@@ -146,6 +160,7 @@ impl Report {
             planes: PlaneSummary::of(&slices),
             warnings: Vec::new(),
             refused: Vec::new(),
+            unused: Vec::new(),
             slices,
         }
     }

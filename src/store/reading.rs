@@ -10,6 +10,7 @@ use super::records::{
     SeriesFilter, SeriesRecord,
 };
 use super::{Store, blocking};
+use crate::dicom::series::unfit_detail;
 use crate::dicom::source::InstanceSource;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
@@ -39,6 +40,14 @@ impl Store {
     /// The catalog's own.
     pub async fn series(&self, uid: &SeriesInstanceUid) -> Result<Option<SeriesRecord>> {
         self.0.catalog.series(uid).await
+    }
+
+    /// Why the series is no head CT, with figures and limit; `None` if it is one.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn unfit_detail(&self, uid: &SeriesInstanceUid, min_slices: usize) -> Result<Option<String>> {
+        Ok(unfit_detail(&self.0.catalog.headers(uid).await?, min_slices))
     }
 
     /// Series, newest first.

@@ -49,16 +49,23 @@ named! {
 
 named! {
     /// What made a series complete.
+    ///
+    /// `explicit`: `POST /v1/series/{uid}/complete`. `expected_instances`: as many are there as were
+    /// announced. `association_ended`: the association that sent it ended, and the short quiet time
+    /// passed. `upload_ended`: the same of HTTP; a whole archive or form needs no quiet time. `quiet`:
+    /// nothing came for the long quiet time.
     CompleteReason {
         /// `POST /v1/series/{uid}/complete`.
         Explicit = "explicit",
         /// The expected number of instances is there.
         ExpectedInstances = "expected_instances",
-        /// The association that sent it ended and the short quiet time passed.
+        /// The association that sent it ended (or whatever sent it, with a former process), and the
+        /// short quiet time passed.
         AssociationEnded = "association_ended",
         /// The quiet time passed.
         Quiet = "quiet",
-        /// The upload that brought it was whole.
+        /// The upload that brought it was whole; or the HTTP requests that brought it one by one ended
+        /// and the short quiet time passed.
         UploadEnded = "upload_ended",
     }
 }
@@ -228,9 +235,9 @@ pub struct ReconstructionRecord {
     pub parameters: Parameters,
     /// State.
     pub state: ReconstructionState,
-    /// What runs now (or ran last).
+    /// What runs now; `null` while it waits and once it has ended.
     pub stage: Option<Stage>,
-    /// Part of the whole that is done, 0 to 1.
+    /// Part of the whole that is done, 0 to 1: 1 once it has succeeded, 0 if it ended otherwise.
     pub fraction: f64,
     /// Attempts begun.
     pub attempts: u32,

@@ -212,7 +212,7 @@ impl Metrics {
         );
         // Final states exist from the start, so that a rate over them does.
         for state in ReconstructionState::ALL.iter().filter(|state| state.is_final()) {
-            let _ = self.jobs.get_or_create(&StateLabel { state: state.name() });
+            let _ = self.jobs.get_or_create(&StateLabel { state: ended_as(*state).name() });
         }
     }
 
@@ -256,7 +256,7 @@ impl Metrics {
 
     /// A reconstruction reached a final state.
     pub fn job_finished(&self, state: ReconstructionState) {
-        self.jobs.get_or_create(&StateLabel { state: state.name() }).inc();
+        self.jobs.get_or_create(&StateLabel { state: ended_as(state).name() }).inc();
     }
 
     /// A worker began an attempt.
@@ -310,6 +310,14 @@ impl Metrics {
     }
 }
 
+/// What is superseded had succeeded.
+fn ended_as(state: ReconstructionState) -> ReconstructionState {
+    match state {
+        ReconstructionState::Superseded => ReconstructionState::Succeeded,
+        other => other,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -341,5 +349,6 @@ mod tests {
         ] {
             assert!(text.lines().any(|l| l == line), "{line} is missing in\n{text}");
         }
+        assert!(!text.contains("superseded"), "a state in which no job ends");
     }
 }

@@ -87,6 +87,32 @@ fn several_series_are_listed_and_one_is_chosen_by_its_uid() {
 }
 
 #[test]
+fn files_that_are_not_used_are_told_and_stand_in_the_report() {
+    let dir = tempfile::tempdir().expect("a folder");
+    write(&dir.path().join("in"), &small().files);
+    std::fs::write(dir.path().join("in/readme.txt"), "no DICOM").expect("a file");
+    let half = &small().files[0][..small().files[0].len() / 2];
+    std::fs::write(dir.path().join("in/torn.dcm"), half).expect("a file");
+    write(&dir.path().join("in/other"), &other().files[..2]);
+    let arguments = [&["in", "-o", "c.ply", "--report", "r.json"][..], &COARSE].concat();
+    let (code, stdout, stderr) = reconstruct(dir.path(), &arguments);
+    assert_eq!(code, Some(0), "{stderr}");
+    assert!(stdout.lines().any(|line| line.starts_with("not used     4 files")), "{stdout}");
+    let report = std::fs::read_to_string(dir.path().join("r.json")).expect("the report");
+    let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+    let unused = report["unused"].as_array().expect("a list").iter();
+    let unused: Vec<_> =
+        unused.map(|file| (file["name"].as_str().unwrap(), file["code"].as_str().unwrap())).collect();
+    let expected = [
+        ("other/0", "other-series"),
+        ("other/1", "other-series"),
+        ("readme.txt", "not-dicom"),
+        ("torn.dcm", "malformed-data-set"),
+    ];
+    assert_eq!(unused, expected);
+}
+
+#[test]
 fn each_failure_has_its_exit_code_and_leaves_no_cloud() {
     let dir = tempfile::tempdir().expect("a folder");
     write(&dir.path().join("good"), &small().files);
@@ -100,7 +126,7 @@ fn each_failure_has_its_exit_code_and_leaves_no_cloud() {
         ("a missing folder", &["nowhere"][..], 3, "nowhere"),
         ("no DICOM", &["none"], 3, "no DICOM instance"),
         ("a broken zip", &["broken.zip"], 3, "zip"),
-        ("too few slices", &["few"], 4, "too_few_slices"),
+        ("too few slices", &["few"], 4, "too_few_slices: 3 slices, intake.min_slices is 10"),
         ("a gap", &["gap"], 4, "missing_slice"),
         (
             "nothing found",

@@ -205,7 +205,7 @@ fn patched(index: usize, from: &[u8], to: &[u8]) -> Vec<Vec<u8>> {
 
 #[test]
 fn what_is_no_volume_is_refused_and_the_odd_ones_are_named() {
-    refused(with(1, |slice| slice.orientation[1] = 0.001), "mixed_orientation", &["1.2.3.4.2"]);
+    refused(with(1, |slice| slice.orientation[1] = 0.0005), "mixed_orientation", &["1.2.3.4.2"]);
     refused(with(2, |slice| slice.spacing = [1.25, 1.501]), "mixed_pixel_spacing", &["1.2.3.4.3"]);
     let other_matrix = |slice: &mut Slice| {
         slice.rows = 7;
@@ -225,10 +225,136 @@ fn what_is_no_volume_is_refused_and_the_odd_ones_are_named() {
     let without_pixels = identity(CT, "1.2.3.4.9").part10(CT, "1.2.3.4.9", EXPLICIT);
     refused(vec![without_pixels.clone()], "no_pixel_data", &["1.2.3.4.9"]);
     refused(Vec::new(), "no_pixel_data", &[]);
-    refused(patched(1, b"CS\x02\0CT", b"CS\x02\0MR"), "missing_slice", &["1.2.3.4.1", "1.2.3.4.3"]);
+    refused(
+        patched(1, b"CS\x02\0CT", b"CS\x02\0MR"),
+        "missing_slice",
+        &["1.2.3.4.1", "1.2.3.4.2", "1.2.3.4.3"],
+    );
     let mut cut = files(&usual());
     cut[3].truncate(300);
     assert_eq!(read(cut).expect_err("cut off").code(), "malformed");
+}
+
+/// Instances of ten usual slices, each moved as told.
+fn ten(moved: impl Fn(usize, &mut Slice)) -> Vec<Vec<u8>> {
+    let slice = |index: usize| {
+        let mut slice = usual().swap_remove(0);
+        slice.uid = format!("1.2.3.4.{:02}", index + 10);
+        slice.position[2] += 2.0 * index as f64;
+        slice.values[0] = i16::try_from(index).expect("few");
+        moved(index, &mut slice);
+        slice.part10()
+    };
+    (0..10).map(slice).collect()
+}
+
+#[test]
+fn a_place_that_cannot_be_is_refused() {
+    let all: Vec<String> = (10..20).map(|number| format!("1.2.3.4.{number}")).collect();
+    let all: Vec<&str> = all.iter().map(String::as_str).collect();
+    for axis in 0..3 {
+        for far in [1e6, -10_000.1, 1e30] {
+            let moved = |index, slice: &mut Slice| {
+                if index == 4 {
+                    slice.position[axis] = far;
+                }
+            };
+            refused(ten(moved), "implausible_geometry", &["1.2.3.4.14"]);
+        }
+    }
+    refused(ten(|_, slice| slice.position[0] = 1e30), "implausible_geometry", &all);
+    for spacing in [[1e20, 1e20], [0.001, 1.25], [1.25, 10.5]] {
+        refused(ten(|_, slice| slice.spacing = spacing), "implausible_geometry", &all);
+    }
+    // Directions that are no unit vectors, or not at a right angle, would stretch or skew the head.
+    refused(ten(|_, slice| slice.orientation[0] = 1.005), "missing_geometry", &all);
+    refused(ten(|_, slice| slice.orientation[1] = 0.005), "missing_geometry", &all);
+    assert!(read(ten(|_, slice| slice.position[0] += 5_000.0)).is_ok());
+}
+
+#[test]
+fn directions_of_not_quite_unit_length_do_not_stretch_the_head() {
+    let (volume, _) = read(ten(|_, slice| slice.orientation[0] = 1.0009)).expect("a volume");
+    let [first, last] = [0, 6].map(|x| volume.grid.lps([0, 0, x]));
+    assert!((last[0] - first[0] - 6.0 * SPACING[2]).abs() < 1e-9, "{first:?} {last:?}");
+}
+
+#[test]
+fn a_slice_beside_the_line_of_the_others_is_refused_and_named() {
+    // Upright and tilted: the positions go sideways by so many mm a slice.
+    for drift in [0.0, 0.7] {
+        let ten = |moved: &dyn Fn(usize, &mut Slice)| {
+            ten(|index, slice| {
+                slice.position[1] += drift * index as f64;
+                moved(index, slice);
+            })
+        };
+        for odd in [0, 1, 4, 5, 9] {
+            let uid = format!("1.2.3.4.{}", odd + 10);
+            for (axis, off) in [(0, 20.0), (0, -0.6), (1, 0.6), (1, -500.0)] {
+                let moved = |index, slice: &mut Slice| {
+                    if index == odd {
+                        slice.position[axis] += off;
+                    }
+                };
+                refused(ten(&moved), "inconsistent_position", &[&uid]);
+            }
+        }
+        // The patient was moved after six slices.
+        let moved = |index, slice: &mut Slice| {
+            if index > 5 {
+                slice.position[0] += 50.0;
+            }
+        };
+        let last = ["1.2.3.4.16", "1.2.3.4.17", "1.2.3.4.18", "1.2.3.4.19"];
+        refused(ten(&moved), "inconsistent_position", &last);
+        // Positions that are rounded to 0.1 mm are no other place.
+        let rounded =
+            |_, slice: &mut Slice| slice.position = slice.position.map(|x| (x * 10.0).round() / 10.0);
+        assert!(read(ten(&rounded)).is_ok());
+    }
+    let three = usual().into_iter().take(3).enumerate().map(|(index, mut slice)| {
+        slice.position[0] += if index == 1 { 20.0 } else { 0.0 };
+        slice.part10()
+    });
+    refused(three.collect(), "inconsistent_position", &["1.2.3.4.2"]);
+}
+
+#[test]
+fn more_tilt_than_a_gantry_has_is_refused() {
+    let leaning = |degrees: f64| {
+        ten(move |index, slice| slice.position[1] += 2.0 * index as f64 * degrees.to_radians().tan())
+    };
+    assert!(read(leaning(44.9)).is_ok());
+    let error = read(leaning(45.1)).expect_err("too much");
+    assert_eq!((error.code(), error.instances().len()), ("excessive_tilt", 10), "{error}");
+    assert!(error.to_string().contains("45.10 degrees"), "{error}");
+}
+
+#[test]
+fn an_instance_that_is_no_slice_is_named_with_its_reason() {
+    // Another tag hides the pixels.
+    let hidden = |index: usize| patched(index, &[0xE0, 0x7F, 0x10, 0], &[0xE0, 0x7F, 0x12, 0]);
+    refused(hidden(2), "no_pixel_data", &["1.2.3.4.3"]);
+    let ignored = |files: Vec<Vec<u8>>| {
+        let (volume, mut warnings) = read(files).expect("a volume");
+        assert_eq!(volume.hu.dim().0, 4);
+        warnings.retain(|warning| warning.code == WarningCode::IgnoredInstances);
+        assert_eq!(warnings.len(), 1);
+        let named = |one: &series::IgnoredInstance| (one.sop_instance_uid.to_string(), one.reason.name());
+        warnings[0].instances.iter().map(named).collect::<Vec<_>>()
+    };
+    assert_eq!(ignored(hidden(0)), [("1.2.3.4.1".to_owned(), "no_pixel_data")]);
+    let dose = patched(4, b"ORIGINAL\\PRIMARY\\AXIAL", b"DERIVED\\SEC\\DOSE_INFO ");
+    assert_eq!(ignored(dose), [("1.2.3.4.5".to_owned(), "secondary_capture")]);
+    let mr = patched(4, b"CS\x02\0CT", b"CS\x02\0MR");
+    assert_eq!(ignored(mr), [("1.2.3.4.5".to_owned(), "not_ct")]);
+    let localizer = b"ORIGINAL\\PRI\\LOCALIZER";
+    refused(
+        patched(2, b"ORIGINAL\\PRIMARY\\AXIAL", localizer),
+        "missing_slice",
+        &["1.2.3.4.2", "1.2.3.4.3", "1.2.3.4.4"],
+    );
 }
 
 #[test]

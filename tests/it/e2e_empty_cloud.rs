@@ -34,4 +34,11 @@ async fn a_series_that_gives_nothing_fails_as_empty_cloud_with_its_report_served
     assert_eq!(slices.len(), published_slices(&data), "a row is missing");
     assert!(slices.iter().all(|row| row["accepted"] == true || row["reason"].is_string()));
     assert_eq!(report["error"]["code"], "empty_cloud");
+
+    // Who asks by the series is told where it is.
+    let of_series = client.get(&format!("/v1/series/{series}/report")).await;
+    assert_eq!(of_series.status(), 409);
+    let problem: serde_json::Value = of_series.json().await.expect("a problem");
+    let detail = problem["detail"].as_str().expect("a detail");
+    assert!(detail.contains(&format!("/v1/reconstructions/{id}/report")), "{detail}");
 }

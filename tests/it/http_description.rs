@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde_json::Value;
+
 use crate::support::http::Server;
 
 #[test]
@@ -12,6 +14,45 @@ fn api_openapi_json_is_what_the_code_says() {
         stored == triplanar::http::openapi_json(),
         "the API has changed: cargo run -- openapi > api/openapi.json"
     );
+}
+
+/// Every `content` of a description, with its media type.
+fn contents<'a>(value: &'a Value, found: &mut Vec<(&'a str, &'a Value)>) {
+    if let Some(content) = value.get("content").and_then(Value::as_object) {
+        found.extend(content.iter().map(|(media_type, content)| (media_type.as_str(), content)));
+    }
+    match value {
+        Value::Object(object) => object.values().for_each(|value| contents(value, found)),
+        Value::Array(array) => array.iter().for_each(|value| contents(value, found)),
+        _ => {}
+    }
+}
+
+#[test]
+fn bodies_of_bytes_are_strings_and_not_lists_of_numbers() {
+    let api: Value = serde_json::from_str(&triplanar::http::openapi_json()).unwrap();
+    let mut found = Vec::new();
+    contents(&api["paths"], &mut found);
+    let mut binary = 0;
+    for (media_type, content) in found {
+        let (schema, is_json) = (&content["schema"], media_type.ends_with("json"));
+        if !is_json && schema.get("$ref").is_none() {
+            assert_eq!(schema["type"], "string", "{media_type}: {schema}");
+        }
+        binary += usize::from(schema["format"] == "binary");
+        assert!(!media_type.starts_with("text/") || schema["format"] != "binary", "{media_type}");
+    }
+    // Four operations that serve clouds or pictures, three that take instances.
+    assert!(binary > 20, "{binary} bodies of bytes");
+    let files = &api["components"]["schemas"]["UploadForm"]["properties"]["files"];
+    assert_eq!(files["items"], serde_json::json!({ "type": "string", "format": "binary" }));
+}
+
+#[test]
+fn a_token_is_described_as_what_a_service_may_ask_for() {
+    let api: Value = serde_json::from_str(&triplanar::http::openapi_json()).unwrap();
+    let security = &api["paths"]["/metrics"]["get"]["security"];
+    assert_eq!(security, &serde_json::json!([{ "bearer": [] }, {}]));
 }
 
 #[tokio::test]

@@ -29,6 +29,7 @@ async fn a_watcher_hears_every_stage_and_then_the_result() {
     // A series of grey squares has no skin.
     assert_eq!((last.0.as_str(), last.1["state"].as_str()), ("result", Some("failed")));
     assert_eq!(last.1["error"]["code"], "empty_cloud");
+    assert_eq!((&last.1["stage"], last.1["fraction"].as_f64()), (&Value::Null, Some(0.0)));
 
     // Who comes late hears the result alone.
     let late = server.get(&format!("/v1/reconstructions/{id}/events")).send().await.unwrap();

@@ -51,6 +51,11 @@ async fn a_cloud_can_be_asked_for_again_in_part_and_compressed() {
     assert_eq!(header(&whole, "accept-ranges"), "bytes");
     let whole = whole.bytes().await.unwrap();
 
+    let other = server.get(&path).header("if-match", "\"x\"").header("range", "bytes=0-9");
+    problem(other.send().await.unwrap(), 412, "precondition-failed").await;
+    let same = server.get(&path).header("if-match", &tag).header("range", "bytes=0-9");
+    assert_eq!(same.send().await.unwrap().status(), 206);
+
     let again = server.get(&path).header("if-none-match", format!("\"x\", {tag}")).send().await.unwrap();
     assert_eq!((again.status().as_u16(), header(&again, "etag")), (304, tag.clone()));
     let latest =

@@ -102,6 +102,24 @@ async fn the_end_of_an_upload_completes_unless_more_is_expected() {
 }
 
 #[tokio::test]
+async fn the_reason_tells_requests_from_associations() {
+    let dir = tempdir().unwrap();
+    let mut config = settings(dir.path());
+    config.intake.quiet_after_association = Duration::ZERO;
+    let entrance = Entrance::open(config).await;
+    let (association, request) = (Uuid::new_v4(), Uuid::new_v4());
+    entrance.send_all(association, 1, 1..5).await;
+    for number in 5..9 {
+        entrance.upload(request, &Slice::of(2, number).part10()).await.unwrap();
+    }
+    entrance.intake.association_ended(association).await.unwrap();
+    entrance.intake.request_ended(request).await.unwrap();
+    for (series, reason) in [(1, CompleteReason::AssociationEnded), (2, CompleteReason::UploadEnded)] {
+        assert_eq!(entrance.until(series, SeriesState::Complete).await.complete_reason, Some(reason));
+    }
+}
+
+#[tokio::test]
 async fn what_is_no_head_ct_is_kept_and_makes_no_job() {
     let dir = tempdir().unwrap();
     let entrance = Entrance::open(settings(dir.path())).await;
@@ -112,6 +130,8 @@ async fn what_is_no_head_ct_is_kept_and_makes_no_job() {
     assert_eq!(series.state, SeriesState::NotReconstructable);
     assert_eq!(series.unfit_reason, Some(UnfitReason::TooFewSlices));
     assert_eq!(entrance.store.queued().await.unwrap(), 0);
+    let detail = entrance.store.unfit_detail(&uid, 4).await.unwrap();
+    assert_eq!(detail.as_deref(), Some("2 slices, intake.min_slices is 4"));
     let error = entrance.store.enqueue(&uid, &entrance.config.pipeline, 10).await.unwrap_err();
     assert!(matches!(error, Error::NotReconstructable { .. }), "{error:?}");
 

@@ -76,6 +76,7 @@ async fn a_worker_that_lost_its_lease_changes_nothing() {
     let attempts = std::fs::read_dir(dir.path().join("results").join(id.to_string())).unwrap().count();
     assert_eq!(attempts, 1, "what the slow worker wrote is removed");
     let record = store.reconstruction(id).await.unwrap().unwrap();
+    assert_eq!((record.stage, record.fraction), (None, 1.0));
     assert_eq!(record.figures.unwrap().merged, 7);
     assert!(store.claim("w", LEASE).await.unwrap().is_none());
 }
@@ -95,6 +96,29 @@ async fn a_job_that_kills_its_worker_fails_after_the_last_attempt() {
     assert_eq!(record.error_code.as_deref(), Some("worker_died"));
     assert!(record.finished_ms.is_some());
     assert!(entrance.store.claim("w", LEASE).await.unwrap().is_none());
+}
+
+#[tokio::test]
+async fn what_has_ended_without_a_cloud_is_in_no_stage() {
+    let fault = Fault { code: "empty_cloud".into(), detail: "x".into(), instances: vec![] };
+    for end in 0..4 {
+        let (_dir, entrance, id) = one_job().await;
+        let store = &entrance.store;
+        let lease = store.claim("w", if end == 3 { OVER } else { LEASE }).await.unwrap().unwrap().lease;
+        store.heartbeat(&lease, Stage::Sagittal, 0.5, if end == 3 { OVER } else { LEASE }).await.unwrap();
+        match end {
+            0 => assert!(store.finish_failure(&lease, &fault, None).await.unwrap()),
+            1 => assert!(store.finish_cancelled(&lease).await.unwrap()),
+            2 => assert!(store.retry(&lease, 0, &fault).await.unwrap()),
+            _ => {
+                expire().await;
+                assert_eq!(store.reclaim(Reclaim::Expired, 1).await.unwrap().len(), 1);
+            }
+        }
+        let record = store.reconstruction(id).await.unwrap().unwrap();
+        assert_ne!(record.state, ReconstructionState::Running);
+        assert_eq!((record.stage, record.fraction), (None, 0.0), "{:?}", record.state);
+    }
 }
 
 #[tokio::test]

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use super::{Files, read_bounded};
 
 pub(super) struct Folder {
+    root: PathBuf,
     paths: Vec<PathBuf>,
     max_instance_bytes: u64,
 }
@@ -27,12 +28,13 @@ impl Folder {
             }
         }
         paths.sort();
-        Ok(Self { paths, max_instance_bytes })
+        Ok(Self { root: root.to_owned(), paths, max_instance_bytes })
     }
 
     /// One file.
     pub(super) fn single(path: &Path, max_instance_bytes: u64) -> Self {
-        Self { paths: vec![path.to_owned()], max_instance_bytes }
+        let root = path.parent().unwrap_or(path).to_owned();
+        Self { root, paths: vec![path.to_owned()], max_instance_bytes }
     }
 }
 
@@ -42,7 +44,8 @@ impl Files for Folder {
     }
 
     fn name(&self, index: usize) -> String {
-        self.paths.get(index).map(|path| path.display().to_string()).unwrap_or_default()
+        let relative = |path: &PathBuf| path.strip_prefix(&self.root).unwrap_or(path).display().to_string();
+        self.paths.get(index).map(relative).unwrap_or_default()
     }
 
     fn read(&self, index: usize) -> io::Result<Vec<u8>> {

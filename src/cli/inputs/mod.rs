@@ -9,8 +9,10 @@ use std::path::Path;
 use super::{Exit, Failed};
 use crate::config::Config;
 use crate::dicom::header::InstanceHeader;
-use crate::dicom::scan::{Encoding, ScanError, scan};
+use crate::dicom::scan::{Encoding, scan};
 use crate::dicom::source::InstanceSource;
+use crate::error::Error;
+use crate::reconstruction::UnusedFile;
 use archive::Archive;
 use folder::Folder;
 
@@ -18,7 +20,7 @@ use folder::Folder;
 trait Files: Sync {
     /// Their number.
     fn len(&self) -> usize;
-    /// What the user knows the file as.
+    /// The file's name, relative to the input.
     fn name(&self, index: usize) -> String;
     /// The whole file.
     fn read(&self, index: usize) -> io::Result<Vec<u8>>;
@@ -27,10 +29,10 @@ trait Files: Sync {
 /// The files below a path, with what the bounded scan found in them.
 pub(super) struct Inputs {
     files: Box<dyn Files>,
-    /// Index of the file and what its header says; files that are not DICOM are not among them.
+    /// Index of the file and what its header says; files that can't be used are not among them.
     pub(super) instances: Vec<(usize, InstanceHeader)>,
-    /// Files that are DICOM but can't be used, with the reason.
-    pub(super) refused: Vec<(String, ScanError)>,
+    /// Files that are no DICOM instance, or one that can't be used, with the reason.
+    pub(super) refused: Vec<UnusedFile>,
 }
 
 /// Instances of one series among the [`Inputs`].
@@ -64,8 +66,15 @@ impl Inputs {
         let limits = config.read_limits().scan;
         match scan(Cursor::new(bytes), &Encoding::Part10, &limits) {
             Ok(found) => self.instances.push((index, found.header)),
-            Err(ScanError::NotDicom(_)) => {}
-            Err(error) => self.refused.push((self.files.name(index), error)),
+            Err(error) => {
+                let error = Error::from(error);
+                let code = error.mapping().code.to_owned();
+                self.refused.push(UnusedFile {
+                    name: self.files.name(index),
+                    code,
+                    detail: error.to_string(),
+                });
+            }
         }
         Ok(())
     }
@@ -73,6 +82,21 @@ impl Inputs {
     /// Number of files looked at.
     pub(super) fn len(&self) -> usize {
         self.files.len()
+    }
+}
+
+impl Selected<'_> {
+    /// The files that were not used: what was refused, and the instances of other series; by name.
+    pub(super) fn unused(&self) -> Vec<UnusedFile> {
+        let mut unused = self.inputs.refused.clone();
+        let others = self.inputs.instances.iter().filter(|(file, _)| !self.files.contains(file));
+        unused.extend(others.map(|(file, header)| UnusedFile {
+            name: self.inputs.files.name(*file),
+            code: "other-series".to_owned(),
+            detail: format!("of series {}", header.series_instance_uid),
+        }));
+        unused.sort_by(|a, b| a.name.cmp(&b.name));
+        unused
     }
 }
 

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use crate::cli::inputs::{Inputs, Selected};
 use crate::cli::{Exit, Failed};
 use crate::dicom::header::InstanceHeader;
-use crate::dicom::series::unfit;
+use crate::dicom::series::{unfit, unfit_detail};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::store::UnfitReason;
 
@@ -15,6 +15,8 @@ struct Candidate {
     files: Vec<usize>,
     headers: Vec<InstanceHeader>,
     unfit: Option<UnfitReason>,
+    /// What was found and the limit, where it is unfit.
+    detail: Option<String>,
 }
 
 /// The series that is asked for, or the one that can be reconstructed.
@@ -63,17 +65,20 @@ fn candidates(inputs: &Inputs, min_slices: usize) -> Vec<Candidate> {
     series
         .into_iter()
         .map(|(uid, (files, headers))| {
-            let unfit = unfit(&headers, min_slices);
-            Candidate { uid: uid.clone(), files, headers, unfit }
+            let (unfit, detail) = (unfit(&headers, min_slices), unfit_detail(&headers, min_slices));
+            Candidate { uid: uid.clone(), files, headers, unfit, detail }
         })
         .collect()
 }
 
 fn listed(candidates: &[Candidate]) -> String {
     let mut list = String::new();
-    for Candidate { uid, headers, unfit, .. } in candidates {
+    for Candidate { uid, headers, unfit, detail, .. } in candidates {
         let description = headers.iter().find_map(|header| header.series_description.as_deref());
-        let state = unfit.map_or("can be reconstructed", UnfitReason::name);
+        let state = match (unfit, detail) {
+            (Some(reason), Some(detail)) => format!("{}: {detail}", reason.name()),
+            _ => "can be reconstructed".to_owned(),
+        };
         let (count, description) = (headers.len(), description.unwrap_or("no description"));
         writeln!(list, "  {uid}  {count} instances  {description}  ({state})").expect("writing to a string");
     }

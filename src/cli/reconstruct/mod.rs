@@ -41,23 +41,25 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     let format = args.destination.format()?;
     args.destination.check(parameters.profile)?;
     let inputs = Inputs::open(&args.input, &config)?;
-    for (name, error) in &inputs.refused {
-        eprintln!("not used: {name}: {error}");
+    for file in &inputs.refused {
+        eprintln!("not used: {}: {}: {}", file.name, file.code, file.detail);
     }
     let selected = choose::series(&inputs, args.series.as_ref(), config.intake.min_slices)?;
     let progress = Progress::new(parameters.profile);
     let outcome = reconstruction::run(&selected, &parameters, &config.read_limits(), &progress);
     progress.finish();
     match outcome {
-        Ok(product) => {
+        Ok(mut product) => {
+            product.report.unused = selected.unused();
             args.destination.write(&product, format)?;
             write_report(args.report.as_ref(), &product.report)?;
             summary::print(&product.report);
             println!("cloud        {}", args.destination.path().display());
             Ok(())
         }
-        Err(failure) => {
-            if let Some(report) = &failure.report {
+        Err(mut failure) => {
+            if let Some(report) = &mut failure.report {
+                report.unused = selected.unused();
                 write_report(args.report.as_ref(), report)?;
                 summary::print(report);
             }

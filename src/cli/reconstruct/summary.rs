@@ -14,6 +14,9 @@ pub(super) fn print(report: &Report) {
     for warning in &report.warnings {
         println!("warning      {}: {}", warning.code.name(), warning.detail);
     }
+    if !report.unused.is_empty() {
+        println!("not used     {} files of the input (the report lists them)", report.unused.len());
+    }
     for plane in &report.planes {
         let reasons: Vec<_> =
             plane.rejected.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
@@ -34,6 +37,10 @@ pub(super) fn print(report: &Report) {
     }
     print!("{}", VerdictLines(report.quality.as_ref()));
     let figures = &report.figures;
+    let outside: u64 = figures.outside_axial_box.iter().sum();
+    if outside > 0 {
+        println!("left out     {outside} contour pixels outside the axial slices' box");
+    }
     if report.parameters.profile == Profile::Paper {
         println!("points       {} ({} after merging)", figures.after_statistical, figures.merged);
     } else {

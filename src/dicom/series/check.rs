@@ -1,5 +1,7 @@
 //! What all slices of a volume must have in common.
 
+use std::ops::RangeInclusive;
+
 use super::frame::{Geometry, Instance, Rescale};
 use super::slice::Slice;
 use super::{ReadLimits, SeriesError, Warning, WarningCode};
@@ -11,18 +13,42 @@ const DIRECTION_TOLERANCE: f64 = 1e-4;
 /// Most that pixel spacing may differ, as a part of itself: 0.05 mm over 500 mm.
 const SPACING_TOLERANCE: f64 = 1e-4;
 
-/// Geometry of every slice, or the error that names those without.
+/// Farthest from the origin of the patient coordinates that a coordinate can be, mm.
+const FARTHEST: f64 = 10_000.0;
+/// Pixel spacing that a CT can have, mm.
+const SPACINGS: RangeInclusive<f64> = 0.01..=10.0;
+
+/// Plausible geometry of every slice, or the error that names those without.
 pub(super) fn geometry(slices: &[Slice]) -> Result<(), SeriesError> {
     let without = named(slices, |slice| slice.frame.geometry.is_none());
-    if without.is_empty() {
-        return Ok(());
+    if !without.is_empty() {
+        return Err(SeriesError::new(
+            "missing_geometry",
+            "ImagePositionPatient, ImageOrientationPatient or PixelSpacing is missing or not valid; the sender must \
+             supply them, the place of the skin can't be known without",
+            without,
+        ));
     }
-    Err(SeriesError::new(
-        "missing_geometry",
-        "ImagePositionPatient, ImageOrientationPatient or PixelSpacing is missing or not valid; the sender must \
-         supply them, the place of the skin can't be known without",
-        without,
-    ))
+    let odd = named(slices, |slice| slice.frame.geometry.is_some_and(|geometry| !is_plausible(&geometry)));
+    if !odd.is_empty() {
+        return Err(SeriesError::new(
+            "implausible_geometry",
+            format!(
+                "ImagePositionPatient beyond {FARTHEST} mm, or PixelSpacing outside {} to {} mm; the sender must \
+                 correct them",
+                SPACINGS.start(),
+                SPACINGS.end()
+            ),
+            odd,
+        ));
+    }
+    Ok(())
+}
+
+fn is_plausible(geometry: &Geometry) -> bool {
+    geometry.position.iter().all(|coordinate| coordinate.abs() <= FARTHEST)
+        && SPACINGS.contains(&geometry.row_spacing)
+        && SPACINGS.contains(&geometry.column_spacing)
 }
 
 /// One frame of reference, one orientation, one matrix, one pixel spacing, one stack.
@@ -131,28 +157,25 @@ pub(super) fn warn(slices: &[Slice], instances: &[Instance], warnings: &mut Vec<
     let Some(first) = slices.first() else { return };
     let geometry = first.geometry();
     if spacings_differ(geometry.row_spacing, geometry.column_spacing) {
-        warnings.push(Warning {
-            code: WarningCode::AnisotropicPixels,
-            detail: format!(
-                "rows are {} mm apart, columns {} mm",
-                geometry.row_spacing, geometry.column_spacing
-            ),
-        });
+        warnings.push(Warning::new(
+            WarningCode::AnisotropicPixels,
+            format!("rows are {} mm apart, columns {} mm", geometry.row_spacing, geometry.column_spacing),
+        ));
     }
     if let Some((rows, columns)) = first.matrix
         && (rows != columns || rows % 2 == 1)
     {
-        warnings.push(Warning {
-            code: WarningCode::UnusualMatrix,
-            detail: format!("the matrix has {rows} rows and {columns} columns"),
-        });
+        warnings.push(Warning::new(
+            WarningCode::UnusualMatrix,
+            format!("the matrix has {rows} rows and {columns} columns"),
+        ));
     }
     let lossy = instances.iter().filter(|instance| instance.is_lossy).count();
     if lossy > 0 {
-        warnings.push(Warning {
-            code: WarningCode::LossyCompression,
-            detail: format!("{lossy} instances went through a lossy compression"),
-        });
+        warnings.push(Warning::new(
+            WarningCode::LossyCompression,
+            format!("{lossy} instances went through a lossy compression"),
+        ));
     }
 }
 

@@ -52,10 +52,10 @@ pub(super) fn remove(
         index += 1;
         keep
     });
-    warnings.push(Warning {
-        code: WarningCode::DuplicateInstances,
-        detail: format!("{dropped} slices were there twice with the same content and were left out"),
-    });
+    warnings.push(Warning::new(
+        WarningCode::DuplicateInstances,
+        format!("{dropped} slices were there twice with the same content and were left out"),
+    ));
     Ok(())
 }
 

@@ -7,7 +7,7 @@ use crate::dicom::dataset::{DataSet, View};
 use crate::dicom::uid::{
     FrameOfReferenceUid, SeriesInstanceUid, SopClassUid, SopInstanceUid, StudyInstanceUid,
 };
-use crate::geometry::{Vec3, cross};
+use crate::geometry::{Vec3, cross, dot, norm, scale};
 
 /// What an instance says, as far as the volume needs it.
 #[derive(Debug, Clone)]
@@ -65,8 +65,9 @@ pub(super) struct Rescale {
     pub(super) intercept: f64,
 }
 
-/// Most that a unit vector may be off its length, and two of them off their right angle.
-const UNIT_TOLERANCE: f64 = 1e-2;
+/// Most that a unit vector may be off its length, and two of them off their right angle: 0.25 mm
+/// over 250 mm.
+const UNIT_TOLERANCE: f64 = 1e-3;
 
 impl Instance {
     /// Reads the attributes; `None` if there is no SOP Instance UID to call it by.
@@ -140,16 +141,16 @@ impl<'a> Groups<'a> {
         let [row_spacing, column_spacing] =
             self.group(tags::PIXEL_MEASURES_SEQUENCE)?.decimals(tags::PIXEL_SPACING)?;
         let (row, column) = ([rx, ry, rz], [cx, cy, cz]);
-        let is_unit = |v: Vec3| (crate::geometry::norm(v) - 1.0).abs() < UNIT_TOLERANCE;
+        let is_unit = |v: Vec3| (norm(v) - 1.0).abs() < UNIT_TOLERANCE;
         let is_sound = is_unit(row)
             && is_unit(column)
-            && crate::geometry::dot(row, column).abs() < UNIT_TOLERANCE
+            && dot(row, column).abs() < UNIT_TOLERANCE
             && row_spacing > 0.0
             && column_spacing > 0.0;
-        is_sound.then_some(Geometry {
+        is_sound.then(|| Geometry {
             position,
-            along_row: row,
-            down_column: column,
+            along_row: scale(row, 1.0 / norm(row)),
+            down_column: scale(column, 1.0 / norm(column)),
             row_spacing,
             column_spacing,
         })

@@ -4,6 +4,8 @@ mod check;
 mod duplicates;
 mod error;
 mod frame;
+mod ignored;
+mod line;
 mod orient;
 mod slice;
 mod stack;
@@ -26,8 +28,8 @@ use orient::Orientation;
 use slice::Slice;
 
 pub use error::SeriesError;
-pub use unfit::unfit;
-pub use warning::{Warning, WarningCode};
+pub use unfit::{unfit, unfit_detail};
+pub use warning::{IgnoredInstance, Warning, WarningCode};
 
 /// What a series may be at most, and must be at least.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,7 +64,8 @@ pub fn read(
     observer.progress(Stage::Reading, 0.0);
     let mut warnings = Vec::new();
     let instances = attributes(source, limits, observer)?;
-    let mut slices = slice::candidates(&instances, &mut warnings)?;
+    let (mut slices, ignored) = slice::candidates(&instances)?;
+    ignored::warn(&ignored, &mut warnings);
     check::geometry(&slices)?;
     check::consistency(&slices)?;
     check::size(&slices, limits)?;
@@ -71,7 +74,8 @@ pub fn read(
     };
     stack::sort(&mut slices, normal);
     duplicates::remove(source, &mut slices, normal, limits, &mut warnings)?;
-    stack::missing(&slices, normal)?;
+    line::straight(&slices, normal)?;
+    stack::missing(&slices, normal, &ignored)?;
     if slices.len() < limits.min_slices.max(2) {
         return Err(too_few(&slices, limits));
     }

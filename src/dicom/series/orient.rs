@@ -92,14 +92,14 @@ pub(super) fn warn(orientation: Orientation, slice: &Slice, warnings: &mut Vec<W
             Axis::Y => "coronal",
             Axis::X => "sagittal",
         };
-        warnings.push(Warning {
-            code: WarningCode::Reoriented,
-            detail: format!(
+        warnings.push(Warning::new(
+            WarningCode::Reoriented,
+            format!(
                 "acquired in {plane} slices, rows {}, columns {}; brought into the patient's axes",
                 way(orientation.rows),
                 way(orientation.columns)
             ),
-        });
+        ));
     }
     let off = [geometry.normal(), geometry.down_column, geometry.along_row]
         .into_iter()
@@ -108,10 +108,10 @@ pub(super) fn warn(orientation: Orientation, slice: &Slice, warnings: &mut Vec<W
         })
         .fold(0.0, f64::max);
     if off > OBLIQUE {
-        warnings.push(Warning {
-            code: WarningCode::Oblique,
-            detail: format!("the scan's axes are up to {off:.1} degrees off the patient's"),
-        });
+        warnings.push(Warning::new(
+            WarningCode::Oblique,
+            format!("the scan's axes are up to {off:.1} degrees off the patient's"),
+        ));
     }
 }
 

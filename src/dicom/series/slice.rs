@@ -1,10 +1,11 @@
 //! The candidates for slices of the volume, each with what it takes from its instance.
 
+use super::SeriesError;
 use super::frame::{Frame, Geometry, Instance};
-use super::{SeriesError, Warning, WarningCode};
-use crate::dicom::sop_class;
+use super::ignored::Ignored;
 use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid};
 use crate::geometry::Vec3;
+use crate::store::UnfitReason;
 
 /// One slice.
 #[derive(Debug, Clone)]
@@ -35,30 +36,28 @@ impl Slice {
     }
 }
 
-/// The slices of the instances that can be some. Among real CT slices, an instance that is none
-/// (a localizer, a screen shot, a dose report) is left out with a warning; if there are only such,
-/// all stay and the checks say what is wrong with them.
-pub(super) fn candidates(
-    instances: &[Instance],
-    warnings: &mut Vec<Warning>,
-) -> Result<Vec<Slice>, SeriesError> {
+/// The slices of the instances that can be some, and what is none. Among real CT slices, an instance
+/// that is none (a localizer, a screen shot, a dose report) is left out; if there are only such, all
+/// stay and the checks say what is wrong with them.
+pub(super) fn candidates(instances: &[Instance]) -> Result<(Vec<Slice>, Vec<Ignored>), SeriesError> {
     if instances.iter().all(|instance| !instance.has_pixel_data) {
         let uids = instances.iter().map(|instance| instance.sop_instance_uid.clone()).collect();
         return Err(SeriesError::new("no_pixel_data", "no instance has pixel data; send the images", uids));
     }
     let any_is_ct = instances.iter().any(is_ct_slice);
-    let mut slices = Vec::new();
-    let mut ignored = 0;
+    let (mut slices, mut ignored) = (Vec::new(), Vec::new());
     for (source, instance) in instances.iter().enumerate() {
         if !instance.has_pixel_data || (any_is_ct && !is_ct_slice(instance)) {
-            ignored += 1;
+            ignored.push(Ignored::whole(instance));
             continue;
         }
-        for (frame_index, frame) in instance.frames.iter().enumerate() {
-            if frame.is_localizer {
-                ignored += 1;
-                continue;
-            }
+        let localizers: Vec<_> = instance.frames.iter().filter(|frame| frame.is_localizer).collect();
+        if !localizers.is_empty() {
+            ignored.push(Ignored::new(instance, UnfitReason::Localizer, &localizers));
+        }
+        for (frame_index, frame) in
+            instance.frames.iter().enumerate().filter(|(_, frame)| !frame.is_localizer)
+        {
             slices.push(Slice {
                 source,
                 frame_index,
@@ -71,15 +70,7 @@ pub(super) fn candidates(
             });
         }
     }
-    if ignored > 0 {
-        warnings.push(Warning {
-            code: WarningCode::IgnoredInstances,
-            detail: format!(
-                "{ignored} images are no slices (localizers, secondary captures, without pixels)"
-            ),
-        });
-    }
-    Ok(slices)
+    Ok((slices, ignored))
 }
 
 /// Refuses a series that is not computed tomography.
@@ -92,7 +83,5 @@ pub(super) fn only_ct(instances: &[Instance]) -> Result<(), SeriesError> {
 }
 
 fn is_ct_slice(instance: &Instance) -> bool {
-    let is_ct_class = instance.sop_class_uid.as_ref().is_none_or(sop_class::is_accepted);
-    let is_ct = instance.modality.as_deref().is_none_or(|modality| modality == "CT");
-    is_ct_class && is_ct && instance.has_pixel_data && !super::unfit::is_no_scan(&instance.image_type)
+    super::ignored::reason(instance).is_none()
 }

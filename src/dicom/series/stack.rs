@@ -1,8 +1,10 @@
 //! Slices in order along their normal, and whether all are there.
 
+use super::ignored::{self, Ignored};
 use super::slice::Slice;
 use super::{SeriesError, Warning, WarningCode};
 use crate::geometry::{Vec3, cross, dot, norm, sub};
+use crate::store::UnfitReason;
 
 /// Slices nearer than this along the normal are at one position, mm.
 const SAME_POSITION: f64 = 0.01;
@@ -74,7 +76,7 @@ fn runs(steps: &[f64]) -> Vec<Run> {
 /// steps on both sides of them are a hole: one or two steps of 1.5 times both neighbours or more,
 /// or any number of steps that are a whole multiple of both. At the end of the stack, where there
 /// is one neighbour only, one or two steps that are a whole multiple of it.
-pub(super) fn missing(slices: &[Slice], normal: Vec3) -> Result<(), SeriesError> {
+pub(super) fn missing(slices: &[Slice], normal: Vec3, ignored: &[Ignored]) -> Result<(), SeriesError> {
     let steps: Vec<f64> =
         slices.windows(2).map(|pair| pair[1].along(normal) - pair[0].along(normal)).collect();
     let runs = runs(&steps);
@@ -93,18 +95,41 @@ pub(super) fn missing(slices: &[Slice], normal: Vec3) -> Result<(), SeriesError>
         };
         if is_gap {
             let around = &slices[run.first..=run.first + run.count];
-            return Err(SeriesError::new(
-                "missing_slice",
-                format!(
-                    "slices are missing: a step of {:.3} mm stands among steps of {:.3} mm; send the whole series \
-                     (the instances named are those around the gap)",
-                    run.step, neighbours[0]
-                ),
-                super::check::named(around, |_| true),
-            ));
+            return Err(gap(run.step, neighbours[0], around, normal, ignored));
         }
     }
     Ok(())
+}
+
+/// The error of a gap between slices: of what lies in it, or of what lies around it.
+fn gap(step: f64, usual: f64, around: &[Slice], normal: Vec3, ignored: &[Ignored]) -> SeriesError {
+    let ends = around.first().zip(around.last());
+    let (from, to) = ends.map_or((0.0, 0.0), |(first, last)| (first.along(normal), last.along(normal)));
+    let within: Vec<Ignored> =
+        ignored.iter().filter(|one| one.lies_between(from, to, normal)).cloned().collect();
+    let uids = |of: UnfitReason| {
+        let of = within.iter().filter(|one| one.instance.reason == of);
+        of.map(|one| one.instance.sop_instance_uid.clone()).collect::<Vec<_>>()
+    };
+    let mut without_pixels = uids(UnfitReason::NoPixelData);
+    if !without_pixels.is_empty() {
+        without_pixels.sort();
+        let detail = "slices have no pixel data; send them whole";
+        return SeriesError::new("no_pixel_data", detail, without_pixels);
+    }
+    let mut detail = format!(
+        "slices are missing: a step of {step:.3} mm stands among steps of {usual:.3} mm; send the whole series (the \
+         instances named are those around the gap"
+    );
+    if !within.is_empty() {
+        detail.push_str(&format!(", and those in it that are no slices: {}", ignored::counted(&within)));
+    }
+    detail.push(')');
+    let mut named = super::check::named(around, |_| true);
+    named.extend(within.into_iter().map(|one| one.instance.sop_instance_uid));
+    named.sort();
+    named.dedup();
+    SeriesError::new("missing_slice", detail, named)
 }
 
 fn is_whole_multiple(ratio: f64) -> bool {
@@ -116,10 +141,7 @@ fn is_whole_multiple(ratio: f64) -> bool {
 pub(super) fn warn_of_descending(slices: &[Slice], warnings: &mut Vec<Warning>) {
     let numbers: Option<Vec<_>> = slices.iter().map(|slice| slice.number).collect();
     if numbers.is_some_and(|numbers| numbers.is_sorted_by(|a, b| a < b)) {
-        warnings.push(Warning {
-            code: WarningCode::Descending,
-            detail: "the instances are numbered from head to feet".into(),
-        });
+        warnings.push(Warning::new(WarningCode::Descending, "the instances are numbered from head to feet"));
     }
 }
 
@@ -129,27 +151,25 @@ pub(super) fn warn(slices: &[Slice], normal: Vec3, warnings: &mut Vec<Warning>) 
     let whole = sub(last.geometry().position, first.geometry().position);
     let tilt = norm(cross(whole, normal)).atan2(dot(whole, normal)).to_degrees();
     if tilt > NO_TILT {
-        warnings.push(Warning {
-            code: WarningCode::GantryTilt,
-            detail: format!(
-                "the slices are sheared by {tilt:.2} degrees against their normal (by their positions)"
-            ),
-        });
+        warnings.push(Warning::new(
+            WarningCode::GantryTilt,
+            format!("the slices are sheared by {tilt:.2} degrees against their normal (by their positions)"),
+        ));
     }
     let steps: Vec<f64> =
         slices.windows(2).map(|pair| pair[1].along(normal) - pair[0].along(normal)).collect();
     let least = steps.iter().copied().fold(f64::INFINITY, f64::min);
     let most = steps.iter().copied().fold(0.0, f64::max);
     if runs(&steps).len() > 1 {
-        warnings.push(Warning {
-            code: WarningCode::VariableSpacing,
-            detail: format!("the steps between slices vary from {least:.3} to {most:.3} mm"),
-        });
+        warnings.push(Warning::new(
+            WarningCode::VariableSpacing,
+            format!("the steps between slices vary from {least:.3} to {most:.3} mm"),
+        ));
     }
     if most > THICK {
-        warnings.push(Warning {
-            code: WarningCode::ThickSlices,
-            detail: format!("slices lie up to {most:.3} mm apart: the surface between them is coarse"),
-        });
+        warnings.push(Warning::new(
+            WarningCode::ThickSlices,
+            format!("slices lie up to {most:.3} mm apart: the surface between them is coarse"),
+        ));
     }
 }

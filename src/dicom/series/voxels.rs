@@ -61,7 +61,7 @@ pub(super) fn read(
     ] {
         let count = count.into_inner();
         if count > 0 {
-            warnings.push(Warning { code, detail: format!("{count} {what}") });
+            warnings.push(Warning::new(code, format!("{count} {what}")));
         }
     }
     Ok(layout.volume(voxels, slices.len()))

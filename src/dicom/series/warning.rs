@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::dicom::uid::SopInstanceUid;
+use crate::store::UnfitReason;
+
 /// Something unusual that was handled; stands in the report.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Warning {
@@ -9,6 +12,25 @@ pub struct Warning {
     pub code: WarningCode,
     /// What was found, with its figures.
     pub detail: String,
+    /// The instances that were left out (`ignored_instances` alone), in the order of their UIDs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub instances: Vec<IgnoredInstance>,
+}
+
+impl Warning {
+    /// One that names no instances.
+    pub(super) fn new(code: WarningCode, detail: impl Into<String>) -> Self {
+        Self { code, detail: detail.into(), instances: Vec::new() }
+    }
+}
+
+/// An instance of the series that is no slice of it.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct IgnoredInstance {
+    /// The instance.
+    pub sop_instance_uid: SopInstanceUid,
+    /// Why it is none: `not_ct`, `no_pixel_data`, `localizer` or `secondary_capture`.
+    pub reason: UnfitReason,
 }
 
 macro_rules! codes {

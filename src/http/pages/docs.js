@@ -1,8 +1,14 @@
 // Shows openapi.json so that people can read it.
 "use strict";
 
+/** Markdown as far as our descriptions have it: code in backticks. */
+function marked(name, text) {
+  const parts = String(text).split("`").map((part, index) => (index % 2 ? element("code", { textContent: part }) : part));
+  return element(name, {}, ...parts);
+}
+
 function paragraphs(text) {
-  return (text || "").split("\n\n").filter(Boolean).map((part) => element("p", { textContent: part.replaceAll("`", "") }));
+  return (text || "").split("\n\n").filter(Boolean).map((part) => marked("p", part));
 }
 
 /** A schema in one line. */
@@ -27,7 +33,7 @@ function table(heads, rows) {
     {},
     element("thead", {}, element("tr", {}, ...heads.map((head) => element("th", { textContent: head })))),
     element("tbody", {}, ...rows.map((cells) =>
-      element("tr", {}, ...cells.map((cell) => element("td", { textContent: cell }))))),
+      element("tr", {}, ...cells.map((cell) => marked("td", cell))))),
   ));
 }
 

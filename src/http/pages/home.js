@@ -37,7 +37,10 @@ function reconstructionCell(reconstruction) {
     cell.append(element("progress", { max: 1, value: reconstruction.fraction }), " " + (reconstruction.stage || ""));
   }
   if (reconstruction.error) {
-    cell.append(element("span", { className: "bad", textContent: reconstruction.error.code }));
+    const { code, detail, instances } = reconstruction.error;
+    const named = instances.length ? ` (instances named: ${instances.length})` : "";
+    cell.append(element("span", { className: "bad", textContent: code }),
+      element("div", { className: "note", textContent: detail + named }));
   }
   if (reconstruction.figures) {
     cell.append(reconstruction.figures.after_statistical.toLocaleString() + " points");
@@ -52,6 +55,9 @@ function reconstructionCell(reconstruction) {
 
 function linksCell(reconstruction) {
   const cell = element("td");
+  if (reconstruction && reconstruction.error) {
+    cell.append(link("details", reconstruction.links.self, "triplanar-" + reconstruction.id + ".details.json"), " ");
+  }
   if (reconstruction && reconstruction.links.cloud) {
     cell.append(link("cloud", reconstruction.links.cloud, "triplanar-" + reconstruction.id + ".ply"), " ");
   }
@@ -67,7 +73,8 @@ function row(detail) {
     {},
     element("td", {}, element("span", { className: "uid", textContent: detail.series_instance_uid }),
       detail.description ? element("div", { className: "note", textContent: detail.description }) : null),
-    element("td", { textContent: detail.unfit_reason ? "kept: " + detail.unfit_reason : detail.state }),
+    element("td", { textContent: detail.unfit_reason ? "kept: " + detail.unfit_reason : detail.state },
+      detail.unfit_detail ? element("div", { className: "note", textContent: detail.unfit_detail }) : null),
     element("td", { textContent: detail.instances }),
     reconstructionCell(detail.reconstruction),
     linksCell(detail.reconstruction),

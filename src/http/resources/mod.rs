@@ -37,18 +37,25 @@ async fn latest_succeeded(context: &Context, uid: &SeriesInstanceUid) -> Result<
     let filter = ReconstructionFilter { series_instance_uid: Some(uid.clone()), state: None };
     let latest = context.store.list_reconstructions(&filter, None, 1).await?.rows.pop();
     if let Some(ended) = latest.filter(|record| record.state.is_final()) {
+        let report = if ended.has_report { "/report" } else { "" };
         let code = ended.error_code.as_deref().unwrap_or("no error");
         return Err(Error::ReconstructionState {
             state: ended.state.name(),
-            detail: format!("it gave no cloud ({code}); /v1/reconstructions/{} tells more", ended.id),
+            detail: format!("it gave no cloud ({code}); /v1/reconstructions/{}{report} tells more", ended.id),
         });
     }
     Err(match series.unfit_reason {
         Some(reason) => {
-            Error::NotReconstructable { uid: series.series_instance_uid, reason: reason.name().to_owned() }
+            let detail = unfit_detail(context, uid).await?;
+            Error::NotReconstructable { uid: uid.clone(), reason: reason.name().to_owned(), detail }
         }
         None => Error::SeriesIncomplete(series.series_instance_uid),
     })
+}
+
+/// Why a series is no head CT, with figures and limit.
+async fn unfit_detail(context: &Context, uid: &SeriesInstanceUid) -> Result<Option<String>> {
+    context.store.unfit_detail(uid, context.config.intake.min_slices).await
 }
 
 /// The rows of one page: at most `http.max_page`, all of them unless the request wants fewer.

@@ -144,7 +144,7 @@ async fn store(
         return Err(Error::EmptyUpload);
     }
     // A PACS may store a series in many requests: the quiet time tells the last one.
-    context.intake.association_ended(id).await?;
+    context.intake.request_ended(id).await?;
     Ok(response::respond(&outcomes, &storing.identities))
 }
 

@@ -127,7 +127,7 @@ pub(super) async fn upload_series(
 #[expect(dead_code, reason = "for the API's description alone")]
 pub(super) struct UploadForm {
     /// Archives or DICOM files.
-    #[schema(value_type = Vec<Vec<u8>>, format = Binary)]
+    #[schema(value_type = Vec<Vec<u8>>)]
     files: Vec<Vec<u8>>,
 }
 
@@ -163,7 +163,7 @@ async fn finish(context: &Context, received: Received, expect: Option<u64>) -> R
         }
     }
     let uids = if expect.is_none() && is_lone_slice(&outcomes) {
-        context.intake.association_ended(id).await?;
+        context.intake.request_ended(id).await?;
         series_of(&outcomes).into_iter().collect()
     } else {
         context.intake.upload_ended(id).await?

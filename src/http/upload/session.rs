@@ -140,7 +140,7 @@ impl Drop for Session {
         let mut running = std::mem::take(&mut self.running);
         tokio::spawn(async move {
             while running.next().await.is_some() {}
-            if let Err(error) = intake.association_ended(id).await {
+            if let Err(error) = intake.request_ended(id).await {
                 // The quiet time completes its series all the same.
                 tracing::error!(upload = %id, %error, "the upload's end was not recorded");
             }

@@ -46,22 +46,31 @@ pub enum Doubt {
 #[serde(default, deny_unknown_fields)]
 pub struct QualityLimits {
     /// Largest cut through the head by a border of the scan that still counts as none, cm².
+    #[schema(minimum = 0.0, maximum = 1_000_000.0)]
     pub cut_cm2: f64,
     /// Thickest slice spacing of a good result, mm.
+    #[schema(minimum = 0.0, maximum = 1_000_000.0)]
     pub slice_mm: f64,
     /// Most noise of a good result, HU.
+    #[schema(minimum = 0.0, maximum = 1_000_000.0)]
     pub noise_hu: f64,
     /// Most metal of a good result, cm³.
+    #[schema(minimum = 0.0, maximum = 1_000_000.0)]
     pub metal_cm3: f64,
     /// How far a slice may stand aside from its neighbours in a good result, mm.
+    #[schema(minimum = 0.0, maximum = 1_000_000.0)]
     pub motion_mm: f64,
     /// Least share of the skin in view that a good result holds.
+    #[schema(minimum = 0.0, maximum = 1.0)]
     pub coverage: f64,
     /// Below this share the result is insufficient.
+    #[schema(minimum = 0.0, maximum = 1.0)]
     pub least_coverage: f64,
     /// Largest 95th percentile of the planes' disagreement in a good result, mm.
+    #[schema(minimum = 0.0, maximum = 1_000_000.0)]
     pub disagreement_mm: f64,
     /// Above this one the result is insufficient, mm.
+    #[schema(minimum = 0.0, maximum = 1_000_000.0)]
     pub most_disagreement_mm: f64,
 }
 

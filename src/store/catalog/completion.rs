@@ -4,7 +4,7 @@
 use super::dialect::Connection;
 use super::instances::{set_sha256, signed};
 use super::queue::{self, Enqueued};
-use super::{reconstructions, rows, senders, series};
+use super::{Catalog, reconstructions, rows, senders, series};
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
@@ -134,6 +134,14 @@ async fn end(
         .execute(connection)
         .await?;
     Ok(end)
+}
+
+impl Catalog {
+    /// What the headers of a series say, in the order of their UIDs.
+    pub(crate) async fn headers(&self, uid: &SeriesInstanceUid) -> Result<Vec<InstanceHeader>> {
+        let instances = all(&mut *self.readers.acquire().await?, uid).await?;
+        Ok(instances.into_iter().map(|instance| instance.header).collect())
+    }
 }
 
 async fn all(connection: &mut Connection, uid: &SeriesInstanceUid) -> Result<Vec<InstanceRecord>> {

@@ -53,14 +53,13 @@ impl Catalog {
     ) -> Result<bool> {
         let mut tx = self.begin().await?;
         let row = sqlx::query(
-            "UPDATE reconstructions SET state = 'succeeded', stage = $3, fraction = 1.0, figures = $4, result = $5, \
-             has_report = TRUE, error_code = NULL, error_detail = NULL, error_instances = '[]', finished_ms = $6, \
-             worker = NULL, lease_until_ms = NULL, quality = $7 \
+            "UPDATE reconstructions SET state = 'succeeded', stage = NULL, fraction = 1.0, figures = $3, result = $4, \
+             has_report = TRUE, error_code = NULL, error_detail = NULL, error_instances = '[]', finished_ms = $5, \
+             worker = NULL, lease_until_ms = NULL, quality = $6 \
              WHERE id = $1 AND fence = $2 AND state = 'running' RETURNING *",
         )
         .bind(lease.id.to_string())
         .bind(lease.fence)
-        .bind(Stage::Writing.name())
         .bind(figures)
         .bind(prefix)
         .bind(now_ms())
@@ -79,7 +78,7 @@ impl Catalog {
         let instances = serde_json::to_string(&fault.instances).map_err(Error::internal)?;
         let mut tx = self.begin().await?;
         let done = sqlx::query(
-            "UPDATE reconstructions SET state = 'failed', error_code = $3, error_detail = $4, error_instances = $5, \
+            "UPDATE reconstructions SET state = 'failed', stage = NULL, fraction = 0.0, error_code = $3, error_detail = $4, error_instances = $5, \
              result = $6, has_report = ($6 IS NOT NULL), finished_ms = $7, worker = NULL, lease_until_ms = NULL \
              WHERE id = $1 AND fence = $2 AND state = 'running'",
         )
@@ -100,7 +99,7 @@ impl Catalog {
     pub(crate) async fn finish_cancelled(&self, lease: &Lease) -> Result<bool> {
         let mut tx = self.begin().await?;
         let done = sqlx::query(
-            "UPDATE reconstructions SET state = 'cancelled', finished_ms = $3, worker = NULL, lease_until_ms = NULL \
+            "UPDATE reconstructions SET state = 'cancelled', stage = NULL, fraction = 0.0, finished_ms = $3, worker = NULL, lease_until_ms = NULL \
              WHERE id = $1 AND fence = $2 AND state = 'running'",
         )
         .bind(lease.id.to_string())
@@ -117,7 +116,7 @@ impl Catalog {
         let mut tx = self.begin().await?;
         let done = sqlx::query(
             "UPDATE reconstructions SET state = CASE WHEN cancel_requested THEN 'cancelled' ELSE 'queued' END, \
-             finished_ms = CASE WHEN cancel_requested THEN $6 ELSE NULL END, \
+             finished_ms = CASE WHEN cancel_requested THEN $6 ELSE NULL END, stage = NULL, fraction = 0.0, \
              not_before_ms = $3, error_code = $4, error_detail = $5, worker = NULL, lease_until_ms = NULL \
              WHERE id = $1 AND fence = $2 AND state = 'running'",
         )
@@ -138,7 +137,7 @@ impl Catalog {
         let mut tx = self.begin().await?;
         let done = sqlx::query(
             "UPDATE reconstructions SET state = CASE WHEN cancel_requested THEN 'cancelled' ELSE 'queued' END, \
-             finished_ms = CASE WHEN cancel_requested THEN $3 ELSE NULL END, \
+             finished_ms = CASE WHEN cancel_requested THEN $3 ELSE NULL END, stage = NULL, fraction = 0.0, \
              attempts = attempts - 1, worker = NULL, lease_until_ms = NULL \
              WHERE id = $1 AND fence = $2 AND state = 'running'",
         )
@@ -168,7 +167,7 @@ impl Catalog {
              state = CASE WHEN cancel_requested THEN 'cancelled' WHEN attempts >= $2 THEN 'failed' ELSE 'queued' END, \
              error_code = CASE WHEN cancel_requested THEN error_code ELSE 'worker_died' END, \
              error_detail = CASE WHEN cancel_requested THEN error_detail ELSE $4 END, \
-             finished_ms = CASE WHEN cancel_requested OR attempts >= $2 THEN $3 ELSE NULL END, \
+             finished_ms = CASE WHEN cancel_requested OR attempts >= $2 THEN $3 ELSE NULL END, stage = NULL, fraction = 0.0, \
              not_before_ms = $3, worker = NULL, lease_until_ms = NULL \
              WHERE state = 'running' AND lease_until_ms < $1 RETURNING *",
         )

@@ -47,7 +47,8 @@ impl Catalog {
         };
         let set = match (record.state, record.unfit_reason, series::complete_set(&mut tx, uid).await?) {
             (SeriesState::NotReconstructable, Some(reason), _) => {
-                return Err(Error::NotReconstructable { uid: uid.clone(), reason: reason.name().to_owned() });
+                let reason = reason.name().to_owned();
+                return Err(Error::NotReconstructable { uid: uid.clone(), reason, detail: None });
             }
             (SeriesState::Complete, _, Some(set)) => set,
             _ => return Err(Error::SeriesIncomplete(uid.clone())),

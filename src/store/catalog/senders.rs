@@ -25,11 +25,17 @@ impl Catalog {
         Ok(tx.commit().await?)
     }
 
-    /// The sender ended: its series that nobody else sends are due after the short quiet time.
-    pub(crate) async fn sender_ended(&self, sender: Uuid, policy: &Policy) -> Result<()> {
+    /// The sender ended: its series that nobody else sends are due after the short quiet time, for
+    /// the reason that says what kind of sender it was.
+    pub(crate) async fn sender_ended(
+        &self,
+        sender: Uuid,
+        reason: CompleteReason,
+        policy: &Policy,
+    ) -> Result<()> {
         let mut tx = self.begin().await?;
         for uid in forget(&mut tx, sender).await? {
-            hasten(&mut tx, &uid, policy).await?;
+            hasten(&mut tx, &uid, reason, policy).await?;
         }
         Ok(tx.commit().await?)
     }
@@ -44,7 +50,7 @@ impl Catalog {
                 .await?,
         );
         for uid in orphaned {
-            hasten(&mut tx, &uid, policy).await?;
+            hasten(&mut tx, &uid, CompleteReason::AssociationEnded, policy).await?;
         }
         Ok(tx.commit().await?)
     }
@@ -232,7 +238,12 @@ async fn forget(connection: &mut Connection, sender: Uuid) -> Result<Vec<SeriesI
 }
 
 /// A sender of the series ended: if it was the last one, the deadline comes nearer.
-async fn hasten(connection: &mut Connection, uid: &SeriesInstanceUid, policy: &Policy) -> Result<()> {
+async fn hasten(
+    connection: &mut Connection,
+    uid: &SeriesInstanceUid,
+    reason: CompleteReason,
+    policy: &Policy,
+) -> Result<()> {
     if is_being_sent(connection, uid, policy).await? {
         return Ok(());
     }
@@ -242,7 +253,7 @@ async fn hasten(connection: &mut Connection, uid: &SeriesInstanceUid, policy: &P
     )
     .bind(uid.as_str())
     .bind(now_ms() + policy.quiet_after_association_ms)
-    .bind(CompleteReason::AssociationEnded.name())
+    .bind(reason.name())
     .execute(connection)
     .await?;
     Ok(())
