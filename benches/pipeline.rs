@@ -32,7 +32,11 @@ fn whole(c: &mut Criterion) {
     eprintln!("first run: {points} points, {:?}, peak memory {}", started.elapsed(), twins::peak_memory());
     let mut group = c.benchmark_group("volume to cloud");
     group.sample_size(10).measurement_time(Duration::from_secs(20));
-    group.bench_function("512 x 512 x 280, leaf 1", |b| b.iter(|| black_box(run())));
+    group.bench_function("512 x 512 x 280, leaf 1, paper", |b| b.iter(|| black_box(run())));
+    let parameters = Parameters::precise();
+    group.bench_function("512 x 512 x 280, leaf 1, precise", |b| {
+        b.iter(|| black_box(reconstruct(&volume, &parameters, &Silent).expect("a head")));
+    });
     group.finish();
 }
 

@@ -36,6 +36,7 @@ mod intake_completeness;
 mod intake_receipt;
 mod phantom_score;
 mod phantom_truth;
+mod precise_acquisitions;
 mod precise_files;
 mod published_program_clouds;
 mod published_program_points;

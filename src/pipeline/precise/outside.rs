@@ -8,7 +8,6 @@ use super::distance::squared_distance;
 use super::enclosure::enclosure;
 use super::patient::{Cell, Patient, each_cell};
 use super::pieces::Pieces;
-use super::space::Space;
 use super::survey::Cells;
 use crate::geometry::{Vec3, add, scale};
 
@@ -66,11 +65,11 @@ pub(super) struct Open {
 impl Open {
     /// Walks in from the sides of the scan. Another body lets pass, and so does what hangs on the
     /// patient, for the skin behind it is skin where a gap shows it; but not into the body.
-    pub(super) fn find(space: &Space, patient: &Patient) -> Self {
+    pub(super) fn find(patient: &Patient) -> Self {
         let (cells, kinds) = (patient.survey.cells, &patient.kinds);
-        let mut open = flood(space, &cells, |i| matches!(kinds[i], Cell::Patient | Cell::Attached));
+        let mut open = flood(&cells, |i| matches!(kinds[i], Cell::Patient | Cell::Attached));
         if kinds.contains(&Cell::Attached) {
-            let through = flood(space, &cells, |i| kinds[i] == Cell::Patient);
+            let through = flood(&cells, |i| kinds[i] == Cell::Patient);
             open.par_iter_mut().zip(through).enumerate().for_each(|(i, (open, through))| {
                 let solid = kinds[i] == Cell::Patient;
                 if solid != (*open == SOLID) {
@@ -92,11 +91,11 @@ impl Open {
 }
 
 /// What a ball reaches from the sides of the scan past what is solid.
-fn flood(space: &Space, cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<u8> {
+fn flood(cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<u8> {
     let distance = squared_distance(cells.shape, cells.squared(BALL_MM), &solid);
     let free = Pieces::of(cells.shape, |i| distance[i] == u16::MAX);
     drop(distance);
-    let reached = reached_from_the_sides(space, cells, &free);
+    let reached = reached_from_the_sides(cells, &free);
     let mut ball = vec![false; cells.len()];
     for z in 0..cells.shape[2] {
         for y in 0..cells.shape[1] {
@@ -121,8 +120,8 @@ fn flood(space: &Space, cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> 
 
 impl Outside {
     /// The open air, and of the narrow air beside it what is a fold of the skin and what a canal.
-    pub(super) fn find(space: &Space, patient: &Patient) -> Self {
-        let Open { cells, mut open } = Open::find(space, patient);
+    pub(super) fn find(patient: &Patient) -> Self {
+        let Open { cells, mut open } = Open::find(patient);
         close_canals(&cells, &mut open);
         Self { cells, open }
     }
@@ -251,20 +250,14 @@ fn neighbours() -> impl Iterator<Item = (isize, isize, isize)> {
         .filter(|&n| n != (0, 0, 0))
 }
 
-/// Which pieces of free air come to a side of the survey: the air of the windpipe, that only
-/// reaches the first or last slice, does not.
-fn reached_from_the_sides(space: &Space, cells: &Cells, free: &Pieces) -> Vec<bool> {
+/// Which pieces of free air come to a side, the front or the back of the survey: the air of the
+/// windpipe, that reaches its lower end alone, does not.
+fn reached_from_the_sides(cells: &Cells, free: &Pieces) -> Vec<bool> {
     let mut reached = vec![false; free.sizes().len()];
-    let across = space.slice_normal();
-    // The axis of the survey that the slices follow.
-    let stacked = (0..3).max_by(|&a, &b| across[a].abs().total_cmp(&across[b].abs())).unwrap_or(2);
-    free.each_row(|[y, z], run| {
-        let low = [run.start as usize, y, z];
-        let high = [run.end as usize - 1, y, z];
-        let at_side = (0..3)
-            .filter(|&a| a != stacked)
-            .any(|a| low[a] < SIDE_CELLS || high[a] + SIDE_CELLS >= cells.shape[a]);
-        reached[run.piece as usize] |= at_side;
+    let at_side = |v: usize, axis: usize| v < SIDE_CELLS || v + SIDE_CELLS >= cells.shape[axis];
+    free.each_row(|[y, _], run| {
+        let (first, last) = (run.start as usize, run.end as usize - 1);
+        reached[run.piece as usize] |= at_side(first, 0) || at_side(last, 0) || at_side(y, 1);
     });
     reached
 }

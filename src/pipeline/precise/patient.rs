@@ -94,7 +94,7 @@ impl Patient {
         let near = squared_distance(cells.shape, reach, |i| core[i]);
         drop(core);
         let mut patient = Self { survey, kinds, near_foreign: Vec::new(), pieces, own };
-        let open = Open::find(space, &patient);
+        let open = Open::find(&patient);
         sheets::peel(space, levels, &patient.survey.cells, &mut patient.kinds, |i| open.is_open(i));
         patient.judge_parts(&near);
         patient.look_for_foreign();

@@ -48,7 +48,7 @@ pub fn reconstruct(
     if head.brain_cm3 < LEAST_BRAIN_CM3 {
         return Err(NoSkin::NoHead { brain_cm3: head.brain_cm3, limit_cm3: LEAST_BRAIN_CM3 });
     }
-    let outside = Outside::find(&space, &patient);
+    let outside = Outside::find(&patient);
     go_on(Stage::Outside, 1.0)?;
     let (mut candidates, doubtful) = crossings::candidates(&space, &levels, &patient, &outside);
     drop(outside);
