@@ -64,6 +64,10 @@ fn max_error(text: &str) -> Result<f32, String> {
 }
 
 pub(super) fn run(args: Args) -> Result<(), Failed> {
+    let is_png = args.output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+    if !is_png {
+        return Err(Failed::usage(format!("{} is to be a PNG: name it .png", args.output.display())));
+    }
     if args.caption.len() > args.clouds.len() {
         return Err(Failed::usage("there are more captions than clouds"));
     }

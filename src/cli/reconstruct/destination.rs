@@ -52,8 +52,9 @@ impl Destination {
         }
     }
 
-    /// Writes the cloud that is asked for, whole or not at all.
-    pub(super) fn write(&self, product: &Product, format: Format) -> Result<(), Failed> {
+    /// Writes the cloud that is asked for, whole or not at all; how many points it has if a filter
+    /// decided about that.
+    pub(super) fn write(&self, product: &Product, format: Format) -> Result<Option<usize>, Failed> {
         let (_, stored) = product
             .clouds
             .iter()
@@ -61,12 +62,13 @@ impl Destination {
             .expect("a product has the merged cloud and those of all planes");
         // The service stores these bytes and makes the other formats from them, as here.
         if (format, self.frame, self.max_error_mm) == (Format::PlyBinary, Frame::Lps, None) {
-            return output::write(&self.output, stored);
+            return output::write(&self.output, stored).map(|()| None);
         }
         let (mut cloud, mut metadata) = cloud::ply::decode(stored).map_err(Failed::internal)?;
         if let Some(max_error) = self.max_error_mm {
             max_error.apply(&mut cloud, &mut metadata).map_err(Failed::usage)?;
         }
-        output::write(&self.output, &cloud::encode(&cloud, &metadata, format, self.frame))
+        output::write(&self.output, &cloud::encode(&cloud, &metadata, format, self.frame))?;
+        Ok(self.max_error_mm.map(|_| cloud.len()))
     }
 }

@@ -51,9 +51,12 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     match outcome {
         Ok(mut product) => {
             product.report.unused = selected.unused();
-            args.destination.write(&product, format)?;
+            let kept = args.destination.write(&product, format)?;
             write_report(args.report.as_ref(), &product.report)?;
             summary::print(&product.report);
+            if let Some(kept) = kept {
+                println!("kept         {kept} points within --max-error-mm");
+            }
             println!("cloud        {}", args.destination.path().display());
             Ok(())
         }

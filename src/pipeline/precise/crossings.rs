@@ -302,7 +302,8 @@ pub(super) fn refine_levels(space: &Space, width: &Width, regions: &Regions, can
         let (_, air) = regions.levels(i);
         let sigma = width.seen_along(space, c.normal);
         let mut sum = (0.0, 0.0);
-        for depth in PLATEAU {
+        for (deviations, most) in PLATEAU {
+            let depth = f64::min(deviations, most / sigma);
             let Some(seen) = space.sample(add(c.place, scale(c.normal, -depth * sigma))) else { continue };
             let lent = upper_tail(depth);
             sum.0 += (f64::from(seen) - lent * f64::from(air)) / (1.0 - lent);
@@ -316,8 +317,9 @@ pub(super) fn refine_levels(space: &Space, width: &Width, regions: &Regions, can
     });
 }
 
-/// How far behind the edge the tissue's level is read, in standard deviations of the edge.
-const PLATEAU: [f64; 2] = [1.4, 1.9];
+/// How far behind the edge the tissue's level is read, in standard deviations of the edge, but no
+/// further than so many mm: there the fat below the skin begins to show.
+const PLATEAU: [(f64, f64); 2] = [(1.4, 0.7), (1.9, 0.85)];
 
 /// The share of a blurred step that lies beyond a number of standard deviations (Zelen and
 /// Severo's approximation, to 1e-5).

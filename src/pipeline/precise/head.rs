@@ -45,6 +45,12 @@ const CLOSED: f64 = 0.84;
 const LEAST_DIRECTIONS: usize = 12;
 /// A layer with this share of the widest layer of the head is the neck.
 const NECK: f64 = 0.62;
+/// No layer of a head is larger, cm² (one of 180 mm by 230 mm has 325): a chest's is, and where its
+/// ribs are close enough to pass for a shell that tells the two apart.
+const WIDEST_HEAD_CM2: f64 = 450.0;
+/// Brain fills this share of the layers that count for it: a chest's ribs never close around so
+/// much.
+const BRAIN_SHARE: f64 = 0.55;
 /// A layer with so much brain is one of the head, cm².
 const BRAIN_LAYER_CM2: f64 = 20.0;
 
@@ -76,17 +82,6 @@ impl Head {
                 layer.filter(|&cell| is_brain(cells.offset(cell))).collect()
             })
             .collect();
-        let sampled = STRIDE as f64 * cells.edge;
-        let layers: Vec<f64> = brain.iter().map(|l| l.len() as f64 * sampled * sampled / 100.0).collect();
-        let of_head = largest_run(&layers);
-        let of_brain = || brain[of_head.clone()].iter().flatten();
-        let count = of_brain().count();
-        let mut middle = [0.0; 3];
-        for cell in of_brain() {
-            for (m, p) in middle.iter_mut().zip(cells.centre(*cell)) {
-                *m += p / count as f64;
-            }
-        }
         let mut metal_cells = 0_usize;
         let mut area = vec![0_usize; nz];
         let mut visible = vec![false; nz];
@@ -97,10 +92,26 @@ impl Head {
                 metal_cells += usize::from(f32::from(hu[i]) > metal);
             }
         });
-        let ends = Ends::of(&area, &visible, of_head.start * STRIDE..of_head.end * STRIDE);
         let cm2 = |cells_: usize| cells_ as f64 * cells.edge * cells.edge / 100.0;
+        let layers: Vec<f64> = brain.iter().map(|l| cm2(l.len() * STRIDE * STRIDE)).collect();
+        let of_patient = |z: usize| cm2(area[z * STRIDE]);
+        let is_skull =
+            |&z: &usize| of_patient(z) <= WIDEST_HEAD_CM2 && layers[z] >= BRAIN_SHARE * of_patient(z);
+        let of_head = largest_run(&layers, |z| of_patient(z) <= WIDEST_HEAD_CM2);
+        let brain_mm3 = of_head.clone().filter(is_skull).fold(0.0, |sum, z| sum + layers[z] * 100.0)
+            * STRIDE as f64
+            * cells.edge;
+        let of_brain = || brain[of_head.clone()].iter().flatten();
+        let count = of_brain().count();
+        let mut middle = [0.0; 3];
+        for cell in of_brain() {
+            for (m, p) in middle.iter_mut().zip(cells.centre(*cell)) {
+                *m += p / count as f64;
+            }
+        }
+        let ends = Ends::of(&area, &visible, of_head.start * STRIDE..of_head.end * STRIDE);
         let mut head = Self {
-            brain_cm3: count as f64 * cell_cm3 * (STRIDE * STRIDE * STRIDE) as f64,
+            brain_cm3: brain_mm3 / 1000.0,
             middle,
             lower_end: cells.centre([0, 0, ends.lowest])[2] - 0.5 * cells.edge,
             metal_cm3: metal_cells as f64 * cell_cm3,
@@ -143,11 +154,11 @@ impl Head {
 }
 
 /// The run of neighbouring layers with enough brain that holds most of it; areas in cm².
-fn largest_run(layers: &[f64]) -> Range<usize> {
+fn largest_run(layers: &[f64], may_be: impl Fn(usize) -> bool) -> Range<usize> {
     let (mut best, mut most) = (0..0, 0.0);
     let mut start = 0;
     for end in 0..=layers.len() {
-        if end == layers.len() || layers[end] < BRAIN_LAYER_CM2 {
+        if end == layers.len() || layers[end] < BRAIN_LAYER_CM2 || !may_be(end) {
             let sum: f64 = layers[start..end].iter().sum();
             if sum > most {
                 (best, most) = (start..end, sum);

@@ -13,6 +13,12 @@ pub(super) struct Levels {
     pub(super) noise: f32,
 }
 
+/// Where air is looked for, HU.
+const AIR: [i32; 2] = [-1100, -850];
+/// Where soft tissue is looked for, HU.
+const TISSUE: [i32; 2] = [-40, 140];
+/// Measured air is at least one voxel in so many of the most frequent value's.
+const LEAST_SHARE: u64 = 50;
 const LOWEST: i32 = -1200;
 const HIGHEST: i32 = 400;
 
@@ -43,18 +49,45 @@ impl Levels {
                 histogram[(v - LOWEST) as usize] += 1;
             }
         }
-        let air = peak(&histogram, -1100, -850)?;
-        let tissue = peak(&histogram, -40, 140)?;
+        let found = peak(&histogram, AIR)?;
+        let filled = histogram.clone();
+        despike(&mut histogram);
+        let beside = peak(&histogram, AIR).filter(|p| p.count * LEAST_SHARE >= found.count);
+        // Air without noise is itself a spike.
+        if beside.is_none() {
+            histogram = filled;
+        }
+        let air = beside.unwrap_or(found).at;
+        let tissue = peak(&histogram, TISSUE)?.at;
         let noise = spread(&histogram, air).max(1.0);
         Some(Self { air: air as f32, tissue: tissue.min(60) as f32, noise })
     }
 }
 
-/// The most frequent value between two, smoothed over ±4 HU.
-fn peak(histogram: &[u64], from: i32, to: i32) -> Option<i32> {
+/// A value far more frequent than those beside it is no measurement: scanners and archives fill what
+/// lies outside the scan circle with one value. It gets as many as they.
+fn despike(histogram: &mut [u64]) {
+    for v in 2..histogram.len() - 2 {
+        let beside = [histogram[v - 2], histogram[v - 1], histogram[v + 1], histogram[v + 2]];
+        let most = beside.into_iter().max().unwrap_or(0);
+        if histogram[v] > 3 * most + 8 {
+            histogram[v] = beside.iter().sum::<u64>() / 4;
+        }
+    }
+}
+
+/// The most frequent value of a range, HU, smoothed over ±4 HU.
+#[derive(Debug, Clone, Copy)]
+struct Peak {
+    at: i32,
+    count: u64,
+}
+
+fn peak(histogram: &[u64], [from, to]: [i32; 2]) -> Option<Peak> {
     let at = |v: i32| histogram[(v - LOWEST) as usize];
     let smooth = |v: i32| (v - 4..=v + 4).map(at).sum::<u64>();
-    (from..to).max_by_key(|&v| smooth(v)).filter(|&v| smooth(v) > 0)
+    let highest = (from..to).map(|at| Peak { at, count: smooth(at) }).max_by_key(|p| p.count);
+    highest.filter(|p| p.count > 0)
 }
 
 /// Standard deviation of the values below a peak, mirrored (structure lies above it).
@@ -66,4 +99,27 @@ fn spread(histogram: &[u64], peak: i32) -> f32 {
         sum += count as f64 * f64::from((v - peak) * (v - peak));
     }
     if n == 0 { 0.0 } else { (sum / n as f64).sqrt() as f32 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn histogram(values: &[(i32, u64)]) -> Vec<u64> {
+        let mut histogram = vec![0; (HIGHEST - LOWEST) as usize];
+        for &(v, n) in values {
+            histogram[(v - LOWEST) as usize] += n;
+        }
+        histogram
+    }
+
+    #[test]
+    fn a_fill_value_is_no_measured_air() {
+        let noisy: Vec<(i32, u64)> =
+            (-1030..-970).map(|v| (v, 1000 - 30 * u64::from(v.abs_diff(-1000)))).collect();
+        let mut filled = histogram(&noisy);
+        filled[(-1024 - LOWEST) as usize] += 500_000;
+        despike(&mut filled);
+        assert_eq!(peak(&filled, AIR).expect("air").at, -1000);
+    }
 }

@@ -81,7 +81,7 @@ impl Default for QualityLimits {
             slice_mm: 2.5,
             noise_hu: 40.0,
             metal_cm3: 0.5,
-            motion_mm: 0.5,
+            motion_mm: 0.35,
             coverage: 0.95,
             least_coverage: 0.5,
             disagreement_mm: 0.3,
