@@ -63,15 +63,17 @@ pub(super) struct Open {
 }
 
 impl Open {
-    /// Walks in from the sides of the scan. Another body lets pass, and so does what hangs on the
+    /// Walks in from the sides of the scan, not from below its lower end: what the scan cuts open
+    /// there (a mouth, a windpipe) is no outside. Another body lets pass, and so does what hangs on the
     /// patient, for the skin behind it is skin where a gap shows it; but not into the body.
     pub(super) fn find(patient: &Patient) -> Self {
         let (cells, kinds) = (patient.survey.cells, &patient.kinds);
-        let mut open = flood(&cells, |i| matches!(kinds[i], Cell::Patient | Cell::Attached));
+        let below = |i: usize| patient.survey.is_below(i);
+        let mut open = flood(&cells, |i| matches!(kinds[i], Cell::Patient | Cell::Attached) || below(i));
         if kinds.contains(&Cell::Attached) {
-            let through = flood(&cells, |i| kinds[i] == Cell::Patient);
+            let through = flood(&cells, |i| kinds[i] == Cell::Patient || below(i));
             open.par_iter_mut().zip(through).enumerate().for_each(|(i, (open, through))| {
-                let solid = kinds[i] == Cell::Patient;
+                let solid = kinds[i] == Cell::Patient || below(i);
                 if solid != (*open == SOLID) {
                     *open = ENCLOSED;
                 }

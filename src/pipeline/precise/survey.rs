@@ -54,6 +54,11 @@ impl Survey {
         });
         Self { cells, hu, seen }
     }
+
+    /// Whether a cell lies below the scan's lower end.
+    pub(super) fn is_below(&self, cell: usize) -> bool {
+        !self.seen[cell] && 2 * cell < self.seen.len()
+    }
 }
 
 /// Cubic cells along LPS; index `(z · ny + y) · nx + x`.
