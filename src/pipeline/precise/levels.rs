@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn a_fill_value_is_no_measured_air() {
         let noisy: Vec<(i32, u64)> =
-            (-1030..-970).map(|v| (v, 1000 - 30 * u64::from(v.abs_diff(-1000)))).collect();
+            (-1030_i32..-970).map(|v| (v, 1000 - 30 * u64::from(v.abs_diff(-1000)))).collect();
         let mut filled = histogram(&noisy);
         filled[(-1024 - LOWEST) as usize] += 500_000;
         despike(&mut filled);

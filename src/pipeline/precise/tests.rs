@@ -73,7 +73,8 @@ fn normals_point_outward_and_the_stated_error_is_honest() {
         .points
         .iter()
         .map(|p| (f64::from(p.error), phantom.signed_distance(p.place.map(f64::from))))
-        .filter(|e| e.1.abs() < 3.0)
+        // Where two slices leave the vertex open one phantom tells little: the skin is anywhere between.
+        .filter(|e| e.1.abs() < 3.0 && e.0 < 0.3)
         .collect();
     stated.sort_by(|a, b| a.0.total_cmp(&b.0));
     let half = stated.len() / 2;
