@@ -6,15 +6,15 @@
 //!
 //! | step | module |
 //! |---|---|
-//! | the scan as a field in mm | [`space`], [`levels`] |
-//! | cells for the search in 3D | [`crop`], [`survey`], [`distance`], [`pieces`] |
-//! | which tissue is the patient | [`couch`], [`patient`], [`enclosure`], [`sheets`], [`head`] |
-//! | which border is skin | [`outside`] |
-//! | where exactly | [`crossings`], [`edge`], [`regions`], [`width`] |
-//! | between thick slices | [`between`] |
-//! | what was not accepted | [`stretches`] |
-//! | one point a leaf | [`leaves`], [`order`] |
-//! | how far to trust it | [`agreement`], [`confidence`], [`motion`], [`assess`], [`quality`] |
+//! | the scan as a field in mm | `space`, `levels` |
+//! | cells for the search in 3D | `crop`, `survey`, `distance`, `pieces` |
+//! | which tissue is the patient | `couch`, `patient`, `enclosure`, `sheets`, `head` |
+//! | which border is skin | `outside` |
+//! | where exactly | `crossings`, `edge`, `regions`, `width` |
+//! | between thick slices | `between` |
+//! | what was not accepted | `stretches` |
+//! | one point a leaf | `leaves`, `order` |
+//! | how far to trust it | `agreement`, `confidence`, `motion`, `assess`, `quality` |
 
 mod agreement;
 mod assess;
