@@ -10,7 +10,7 @@ use super::space::Space;
 use super::survey::{Cells, Survey, whole};
 use crate::geometry::Vec3;
 
-/// Edge of the cells of the first look, mm.
+/// Edge of the cells of the first look, mm; larger where the scan is.
 const EDGE_MM: f64 = 4.0;
 /// What is thicker than twice this may be the patient, mm.
 const BALL_MM: f64 = 12.0;
@@ -25,7 +25,7 @@ const ROOM_MM: f64 = 45.0;
 /// scan if nothing in it is thick.
 pub(super) fn bounds(space: &Space, levels: &Levels) -> [Vec3; 2] {
     let all = whole(space);
-    let survey = Survey::of(space, Cells::of_edge(all, EDGE_MM));
+    let survey = Survey::of(space, Cells::over(all, EDGE_MM));
     let cells = survey.cells;
     let mut kinds = super::patient::tissue(&survey, levels);
     couch::mark(&survey, &mut kinds);
@@ -40,7 +40,7 @@ pub(super) fn bounds(space: &Space, levels: &Levels) -> [Vec3; 2] {
             high = [high[0].max(run.end as usize), high[1].max(y), high[2].max(z)];
         }
     });
-    let place = |v: usize, a: usize| all[0][a] + v as f64 * EDGE_MM;
+    let place = |v: usize, a: usize| all[0][a] + v as f64 * cells.edge;
     [
         [0, 1, 2].map(|a| (place(low[a], a) - BALL_MM - ROOM_MM).max(all[0][a])),
         [0, 1, 2].map(|a| (place(high[a], a) + BALL_MM + ROOM_MM).min(all[1][a])),

@@ -18,6 +18,8 @@ use super::space::Space;
 use super::survey::{Cells, Survey};
 use crate::geometry::{Vec3, add, scale};
 
+/// Edge of the survey's cells, mm; larger where the patient is.
+const EDGE_MM: f64 = 1.0;
 /// A body must be thicker than twice this to count as the patient's own, mm.
 const BALL_MM: f64 = 5.0;
 /// What lies so close to the opened body belongs to it without further question, mm.
@@ -65,7 +67,7 @@ impl Patient {
         let [nz, ny, nx] = space.shape;
         let upper = levels.upper().ceil() as i16;
         let pieces = Pieces::of([nx, ny, nz], |o| space.hu[o] >= upper);
-        let survey = Survey::of(space, Cells::over(crop::bounds(space, levels)));
+        let survey = Survey::of(space, Cells::over(crop::bounds(space, levels), EDGE_MM));
         let cells = survey.cells;
         let mut kinds = tissue(&survey, levels);
         couch::mark(&survey, &mut kinds);

@@ -35,16 +35,15 @@ const TURN_COST: f64 = 60.0;
 /// Normals are taken from the tissue within so many cells.
 const NORMAL_REACH: isize = 3;
 
-/// Marks as [`Cell::Attached`] the cells of every sheet; `open` tells the air outside. Whether
-/// there were any.
+/// Marks as [`Cell::Attached`] the cells of every sheet; `open` tells the air outside.
 pub(super) fn peel(
     space: &Space,
     levels: &Levels,
     cells: &Cells,
     kinds: &mut [Cell],
     open: impl Fn(usize) -> bool + Sync,
-) -> bool {
-    let mut border = border(cells, kinds, |k| k == Cell::Patient);
+) {
+    let mut border = border(cells, kinds);
     border.retain(|&i| cells.around(i).any(|(j, _)| open(j)));
     let layers: Vec<(usize, Layer)> = border
         .par_iter()
@@ -55,7 +54,7 @@ pub(super) fn peel(
         .collect();
     let foreign = large(cells, &layers);
     if foreign.is_empty() {
-        return false;
+        return;
     }
     let mut sheet: Vec<usize> = Vec::new();
     for (_, layer) in &foreign {
@@ -87,7 +86,6 @@ pub(super) fn peel(
     for i in contact {
         kinds[i] = Cell::Attached;
     }
-    true
 }
 
 /// A thin layer that a ray met, with a gap and more tissue behind it.
@@ -244,8 +242,8 @@ impl PartialOrd for Cost {
     }
 }
 
-/// The cells of a kind that share a face with air.
-fn border(cells: &Cells, kinds: &[Cell], of: impl Fn(Cell) -> bool + Sync) -> Vec<usize> {
+/// The patient's cells that share a face with air.
+fn border(cells: &Cells, kinds: &[Cell]) -> Vec<usize> {
     let [nx, ny, nz] = cells.shape;
     let (row, layer) = (nx, nx * ny);
     (1..nz - 1)
@@ -255,7 +253,7 @@ fn border(cells: &Cells, kinds: &[Cell], of: impl Fn(Cell) -> bool + Sync) -> Ve
             for y in 1..ny - 1 {
                 for x in 1..nx - 1 {
                     let i = z * layer + y * row + x;
-                    if of(kinds[i])
+                    if kinds[i] == Cell::Patient
                         && [i - 1, i + 1, i - row, i + row, i - layer, i + layer]
                             .into_iter()
                             .any(|j| kinds[j] == Cell::Air)

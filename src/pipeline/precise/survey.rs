@@ -79,14 +79,9 @@ const MOST_CELLS: f64 = 20e6;
 const MARGIN_MM: f64 = 6.0;
 
 impl Cells {
-    /// Cells of 1 mm over a box in LPS mm, larger ones if that would be too many.
-    pub(super) fn over(bounds: [Vec3; 2]) -> Self {
-        let edge = (extent(bounds).iter().product::<f64>() / MOST_CELLS).cbrt().max(1.0);
-        Self::of_edge(bounds, edge)
-    }
-
-    /// Cells of a given edge over a box in LPS mm.
-    pub(super) fn of_edge(bounds: [Vec3; 2], edge: f64) -> Self {
+    /// Cells of at least that edge (mm) over a box in LPS mm, larger ones if those would be too many.
+    pub(super) fn over(bounds: [Vec3; 2], least_edge: f64) -> Self {
+        let edge = (extent(bounds).iter().product::<f64>() / MOST_CELLS).cbrt().max(least_edge);
         let shape = extent(bounds).map(|e| (e.max(0.0) / edge).floor() as usize + 1);
         Self { origin: bounds[0], edge, shape }
     }
