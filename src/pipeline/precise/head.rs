@@ -57,7 +57,7 @@ const BRAIN_LAYER_CM2: f64 = 20.0;
 impl Head {
     /// Looks for soft tissue in a closed shell of bone.
     pub(super) fn of(space: &Space, levels: &Levels, patient: &Patient) -> Self {
-        let Survey { cells, hu, seen } = &patient.survey;
+        let Survey { cells, hu, seen, .. } = &patient.survey;
         let [nx, ny, nz] = cells.shape;
         let (bone, metal) = (levels.tissue + BONE, METAL);
         let cell_cm3 = cells.edge.powi(3) / 1000.0;

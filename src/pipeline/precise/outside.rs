@@ -68,7 +68,7 @@ impl Open {
     /// patient, for the skin behind it is skin where a gap shows it; but not into the body.
     pub(super) fn find(patient: &Patient) -> Self {
         let (cells, kinds) = (patient.survey.cells, &patient.kinds);
-        let below = |i: usize| patient.survey.is_below(i);
+        let below = |i: usize| patient.survey.below[i];
         let mut open = flood(&cells, |i| matches!(kinds[i], Cell::Patient | Cell::Attached) || below(i));
         if kinds.contains(&Cell::Attached) {
             let through = flood(&cells, |i| kinds[i] == Cell::Patient || below(i));

@@ -34,6 +34,8 @@ pub(super) struct Survey {
     pub(super) hu: Vec<i16>,
     /// Whether the cell's centre lies between the scan's outermost voxel centres.
     pub(super) seen: Vec<bool>,
+    /// Whether it lies below the lowest of them.
+    pub(super) below: Vec<bool>,
 }
 
 impl Survey {
@@ -42,22 +44,20 @@ impl Survey {
         let [nx, ny, _] = cells.shape;
         let mut hu = vec![0; cells.len()];
         let mut seen = vec![false; cells.len()];
-        hu.par_chunks_mut(nx).zip(seen.par_chunks_mut(nx)).enumerate().for_each(|(row, (hu, seen))| {
+        let mut below = vec![false; cells.len()];
+        let rows = hu.par_chunks_mut(nx).zip(seen.par_chunks_mut(nx)).zip(below.par_chunks_mut(nx));
+        rows.enumerate().for_each(|(row, ((hu, seen), below))| {
             let start = cells.centre([0, row % ny, row / ny]);
-            for (x, (hu, seen)) in hu.iter_mut().zip(seen).enumerate() {
+            for (x, ((hu, seen), below)) in hu.iter_mut().zip(seen).zip(below).enumerate() {
                 let p = [start[0] + x as f64 * cells.edge, start[1], start[2]];
                 let index = space.index(p);
                 let clamped = space.within(index);
                 *seen = clamped == index;
+                *below = index[0] > clamped[0];
                 *hu = space.sample_index(clamped).unwrap_or(0.0).round() as i16;
             }
         });
-        Self { cells, hu, seen }
-    }
-
-    /// Whether a cell lies below the scan's lower end.
-    pub(super) fn is_below(&self, cell: usize) -> bool {
-        !self.seen[cell] && 2 * cell < self.seen.len()
+        Self { cells, hu, seen, below }
     }
 }
 
