@@ -9,7 +9,7 @@
 //! | the scan as a field in mm | `space`, `levels` |
 //! | cells for the search in 3D | `crop`, `survey`, `distance`, `pieces` |
 //! | which tissue is the patient | `couch`, `patient`, `enclosure`, `sheets`, `head` |
-//! | which border is skin | `outside` |
+//! | which border is skin | `outside`, `canals` |
 //! | where exactly | `crossings`, `edge`, `regions`, `width` |
 //! | between thick slices | `between` |
 //! | what was not accepted | `stretches` |
@@ -19,6 +19,7 @@
 mod agreement;
 mod assess;
 mod between;
+mod canals;
 mod confidence;
 mod couch;
 mod crop;

@@ -1,12 +1,11 @@
 //! The air outside: what a ball can reach from the sides of the scan, and a little further.
 
-use std::collections::HashMap;
-
 use rayon::prelude::*;
 
+use super::canals::close_canals;
 use super::distance::squared_distance;
 use super::enclosure::enclosure;
-use super::patient::{Cell, Patient, each_cell};
+use super::patient::{Cell, Patient};
 use super::pieces::Pieces;
 use super::survey::Cells;
 use crate::geometry::{Vec3, add, scale};
@@ -15,22 +14,10 @@ use crate::geometry::{Vec3, add, scale};
 const BALL_MM: f64 = 4.0;
 /// Air behind what hangs on the patient is outside if less of the view from it is the patient.
 const ENCLOSURE: f64 = 0.8;
-/// How far beyond the ball's reach a fold is still skin, mm (nostrils and ear canals deeper than
-/// that are inside).
-const FOLD_MM: f64 = 4.0;
-/// Narrow air deeper than this is no fold: a nostril, an ear canal, a mouth. It is closed at its
-/// rim, mm.
-const CANAL_MM: f64 = 12.0;
-/// How much longer than the shortest one a way into a canal may be, mm.
-const WAY_MM: f64 = 3.0;
-/// How far the closing of a canal reaches into the open air before it, mm.
-const RIM_MM: f64 = 2.5;
 /// How far before a border the survey is asked, in cells.
 const STEPS_OUT: [f64; 4] = [2.1, 1.6, 1.1, 0.6];
 /// So near to a side of the survey air counts as coming from outside, in cells.
 const SIDE_CELLS: usize = 6;
-/// Chamfer steps of the walk into narrow air, in thirds of a cell.
-const STEPS: [u32; 4] = [0, 3, 4, 5];
 
 /// What lies on the far side of a border, as seen from the patient.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,10 +37,14 @@ pub(super) struct Outside {
     open: Vec<u8>,
 }
 
-const SOLID: u8 = 0;
-const OPEN: u8 = 1;
-const CANAL: u8 = 2;
-const ENCLOSED: u8 = 3;
+/// The patient, or what else no air passes.
+pub(super) const SOLID: u8 = 0;
+/// Air outside.
+pub(super) const OPEN: u8 = 1;
+/// Air in a nostril, an ear canal, the slit of a mouth.
+pub(super) const CANAL: u8 = 2;
+/// Air that the ball does not reach.
+pub(super) const ENCLOSED: u8 = 3;
 
 /// The air that a ball reaches from the sides of the scan.
 #[derive(Debug)]
@@ -150,106 +141,6 @@ impl Outside {
         }
         side
     }
-}
-
-/// Marks the narrow air that is fold (open) and the one that is canal: what lies deeper than a
-/// fold, and the whole way from the open air to what is deeper than any fold.
-fn close_canals(cells: &Cells, open: &mut [u8]) {
-    let thirds = |mm: f64| (mm / cells.edge * 3.0).round() as u32;
-    let (fold, canal) = (thirds(FOLD_MM), thirds(CANAL_MM));
-    let from = next_to_narrow(cells, open);
-    let narrow = walk(cells, &from, canal + 5, |i| open[i] == ENCLOSED);
-    let deep: Vec<usize> = narrow.iter().filter(|&&(_, d)| d > canal).map(|&(i, _)| i).collect();
-    let depth: HashMap<usize, u32> = narrow.into_iter().collect();
-    let (slack, rim) = (thirds(WAY_MM), thirds(RIM_MM));
-    let back = walk(cells, &deep, canal + slack + rim, |i| open[i] == OPEN || depth.contains_key(&i));
-    for (&i, &d) in &depth {
-        open[i] = if d > fold { CANAL } else { OPEN };
-    }
-    for (i, d) in back {
-        let on_the_way = match depth.get(&i) {
-            Some(depth) => depth + d <= canal + slack,
-            None => d <= canal + slack.max(rim),
-        };
-        if on_the_way {
-            open[i] = CANAL;
-        }
-    }
-}
-
-/// The open cells that share a face, an edge or a corner with narrow ones.
-fn next_to_narrow(cells: &Cells, open: &[u8]) -> Vec<usize> {
-    let [nx, ny, nz] = cells.shape;
-    let mut next = Vec::new();
-    each_cell(cells, |i, [x, y, z]| {
-        if open[i] != ENCLOSED {
-            return;
-        }
-        for (dz, dy, dx) in neighbours() {
-            let (Some(x), Some(y), Some(z)) =
-                (x.checked_add_signed(dx), y.checked_add_signed(dy), z.checked_add_signed(dz))
-            else {
-                continue;
-            };
-            if x < nx && y < ny && z < nz && open[(z * ny + y) * nx + x] == OPEN {
-                next.push((z * ny + y) * nx + x);
-            }
-        }
-    });
-    next.sort_unstable();
-    next.dedup();
-    next
-}
-
-/// Cells for which `pass` holds, reached from `from` within `most` chamfer thirds, with their
-/// distance; in the order in which they were reached.
-fn walk(cells: &Cells, from: &[usize], most: u32, pass: impl Fn(usize) -> bool) -> Vec<(usize, u32)> {
-    let [nx, ny, nz] = cells.shape;
-    let mut best: HashMap<usize, u32> = HashMap::new();
-    let mut buckets: Vec<Vec<usize>> = vec![Vec::new(); most as usize + 6];
-    buckets[0] = from.to_vec();
-    let mut reached = Vec::new();
-    for d in 0..=most {
-        let mut i = 0;
-        while i < buckets[d as usize].len() {
-            let offset = buckets[d as usize][i];
-            i += 1;
-            if d > 0 {
-                if best.get(&offset) != Some(&d) {
-                    continue;
-                }
-                reached.push((offset, d));
-                best.insert(offset, 0);
-            }
-            let (x, y, z) = (offset % nx, offset / nx % ny, offset / (nx * ny));
-            for (dz, dy, dx) in neighbours() {
-                let (Some(x), Some(y), Some(z)) =
-                    (x.checked_add_signed(dx), y.checked_add_signed(dy), z.checked_add_signed(dz))
-                else {
-                    continue;
-                };
-                if x >= nx || y >= ny || z >= nz {
-                    continue;
-                }
-                let next = (z * ny + y) * nx + x;
-                if !pass(next) {
-                    continue;
-                }
-                let total = d + STEPS[dx.unsigned_abs() + dy.unsigned_abs() + dz.unsigned_abs()];
-                if total <= most && best.get(&next).is_none_or(|&b| b > total) {
-                    best.insert(next, total);
-                    buckets[total as usize].push(next);
-                }
-            }
-        }
-    }
-    reached
-}
-
-fn neighbours() -> impl Iterator<Item = (isize, isize, isize)> {
-    (-1..=1)
-        .flat_map(|z| (-1..=1).flat_map(move |y| (-1..=1).map(move |x| (z, y, x))))
-        .filter(|&n| n != (0, 0, 0))
 }
 
 /// Which pieces of free air come to a side, the front or the back of the survey: the air of the

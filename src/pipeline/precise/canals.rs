@@ -1,0 +1,169 @@
+//! Nostrils, ear canals and other narrow ways into the head: closed at their rim.
+//!
+//! Narrow air, that the ball of [`super::outside`] does not reach, is a fold of the skin where it
+//! ends soon and a canal where it goes deep. A canal's rim is where the head closes in on all
+//! sides: from within no straight line leads out to both sides, however it is turned, while in a
+//! fold (behind an ear, between nose and lip) one along the fold does.
+
+use std::collections::HashMap;
+use std::f64::consts::PI;
+
+use rayon::prelude::*;
+
+use super::outside::{CANAL, ENCLOSED, OPEN, SOLID};
+use super::patient::each_cell;
+use super::survey::Cells;
+use crate::geometry::{Vec3, add, scale};
+
+/// How far beyond the ball's reach a fold is still skin, mm.
+const FOLD_MM: f64 = 4.0;
+/// Narrow air deeper than this is no fold but a canal, mm.
+const CANAL_MM: f64 = 12.0;
+/// How much longer than the shortest one a way into a canal may be, mm.
+const WAY_MM: f64 = 3.0;
+/// A canal's rim is looked for no further out than this before the narrow air, mm.
+const RIM_MM: f64 = 6.0;
+/// Straight lines through a place, half a turn of them.
+const LINES: u32 = 256;
+/// A line is free if it meets nothing so far to both sides, mm.
+const FREE_MM: f64 = 10.0;
+/// A place is within a canal if less than this share of the lines is free.
+const LEAST_FREE: f64 = 0.02;
+/// Chamfer steps of the walk through narrow air, in thirds of a cell.
+const STEPS: [u32; 4] = [0, 3, 4, 5];
+
+/// Marks the narrow air that is fold (open) and the one that is canal: what lies deeper than a
+/// fold, and on the way from the open air to what is deeper than any fold what is closed in.
+pub(super) fn close_canals(cells: &Cells, air: &mut [u8]) {
+    let thirds = |mm: f64| (mm / cells.edge * 3.0).round() as u32;
+    let (fold, canal) = (thirds(FOLD_MM), thirds(CANAL_MM));
+    let from = next_to_narrow(cells, air);
+    let narrow = walk(cells, &from, canal + 5, |i| air[i] == ENCLOSED);
+    let deep: Vec<usize> = narrow.iter().filter(|&&(_, d)| d > canal).map(|&(i, _)| i).collect();
+    let depth: HashMap<usize, u32> = narrow.into_iter().collect();
+    let (way, rim) = (canal + thirds(WAY_MM), canal + thirds(RIM_MM));
+    let back = walk(cells, &deep, way.max(rim), |i| air[i] == OPEN || depth.contains_key(&i));
+    let on_the_way = |i: usize, d: u32| match depth.get(&i) {
+        Some(depth) => *depth <= fold && depth + d <= way,
+        None => d <= rim,
+    };
+    let lines = directions();
+    let within: Vec<usize> = back
+        .into_par_iter()
+        .filter(|&(i, d)| on_the_way(i, d) && is_closed_in(cells, air, &lines, i))
+        .map(|(i, _)| i)
+        .collect();
+    for (i, d) in depth {
+        air[i] = if d > fold { CANAL } else { OPEN };
+    }
+    for i in within {
+        air[i] = CANAL;
+    }
+}
+
+/// Unit vectors spread evenly over half a sphere (a spiral in steps of the golden angle).
+fn directions() -> Vec<Vec3> {
+    let golden = PI * (3.0 - 5f64.sqrt());
+    (0..LINES)
+        .map(|k| {
+            let z = 1.0 - (f64::from(k) + 0.5) / f64::from(LINES);
+            let (r, turn) = ((1.0 - z * z).sqrt(), golden * f64::from(k));
+            [r * turn.cos(), r * turn.sin(), z]
+        })
+        .collect()
+}
+
+/// Whether hardly any straight line through a cell is free to both sides.
+fn is_closed_in(cells: &Cells, air: &[u8], lines: &[Vec3], cell: usize) -> bool {
+    let from = cells.centre(cells.cell(cell));
+    let steps = (FREE_MM / cells.edge).round() as u32;
+    let is_free = |way: Vec3| {
+        let mut last = OPEN;
+        for step in 1..=steps {
+            let at = add(from, scale(way, f64::from(step) * cells.edge));
+            match cells.at(at).map(|c| air[cells.offset(c)]) {
+                Some(SOLID) => return false,
+                Some(state) => last = state,
+                None => break,
+            }
+        }
+        last == OPEN
+    };
+    let free = lines.iter().filter(|&&way| is_free(way) && is_free(scale(way, -1.0))).count();
+    (free as f64) < LEAST_FREE * lines.len() as f64
+}
+
+/// The open cells that share a face, an edge or a corner with narrow ones.
+fn next_to_narrow(cells: &Cells, air: &[u8]) -> Vec<usize> {
+    let [nx, ny, nz] = cells.shape;
+    let mut next = Vec::new();
+    each_cell(cells, |i, [x, y, z]| {
+        if air[i] != ENCLOSED {
+            return;
+        }
+        for (dz, dy, dx) in neighbours() {
+            let (Some(x), Some(y), Some(z)) =
+                (x.checked_add_signed(dx), y.checked_add_signed(dy), z.checked_add_signed(dz))
+            else {
+                continue;
+            };
+            if x < nx && y < ny && z < nz && air[(z * ny + y) * nx + x] == OPEN {
+                next.push((z * ny + y) * nx + x);
+            }
+        }
+    });
+    next.sort_unstable();
+    next.dedup();
+    next
+}
+
+/// Cells for which `pass` holds, reached from `from` within `most` chamfer thirds, with their
+/// distance; in the order in which they were reached.
+fn walk(cells: &Cells, from: &[usize], most: u32, pass: impl Fn(usize) -> bool) -> Vec<(usize, u32)> {
+    let [nx, ny, nz] = cells.shape;
+    let mut best: HashMap<usize, u32> = HashMap::new();
+    let mut buckets: Vec<Vec<usize>> = vec![Vec::new(); most as usize + 6];
+    buckets[0] = from.to_vec();
+    let mut reached = Vec::new();
+    for d in 0..=most {
+        let mut i = 0;
+        while i < buckets[d as usize].len() {
+            let offset = buckets[d as usize][i];
+            i += 1;
+            if d > 0 {
+                if best.get(&offset) != Some(&d) {
+                    continue;
+                }
+                reached.push((offset, d));
+                best.insert(offset, 0);
+            }
+            let (x, y, z) = (offset % nx, offset / nx % ny, offset / (nx * ny));
+            for (dz, dy, dx) in neighbours() {
+                let (Some(x), Some(y), Some(z)) =
+                    (x.checked_add_signed(dx), y.checked_add_signed(dy), z.checked_add_signed(dz))
+                else {
+                    continue;
+                };
+                if x >= nx || y >= ny || z >= nz {
+                    continue;
+                }
+                let next = (z * ny + y) * nx + x;
+                if !pass(next) {
+                    continue;
+                }
+                let total = d + STEPS[dx.unsigned_abs() + dy.unsigned_abs() + dz.unsigned_abs()];
+                if total <= most && best.get(&next).is_none_or(|&b| b > total) {
+                    best.insert(next, total);
+                    buckets[total as usize].push(next);
+                }
+            }
+        }
+    }
+    reached
+}
+
+fn neighbours() -> impl Iterator<Item = (isize, isize, isize)> {
+    (-1..=1)
+        .flat_map(|z| (-1..=1).flat_map(move |y| (-1..=1).map(move |x| (z, y, x))))
+        .filter(|&n| n != (0, 0, 0))
+}
