@@ -19,8 +19,6 @@ use crate::geometry::{Vec3, add, scale};
 const FOLD_MM: f64 = 4.0;
 /// Narrow air deeper than this is no fold but a canal, mm.
 const CANAL_MM: f64 = 12.0;
-/// How much longer than the shortest one a way into a canal may be, mm.
-const WAY_MM: f64 = 3.0;
 /// A canal's rim is looked for no further out than this before the narrow air, mm.
 const RIM_MM: f64 = 6.0;
 /// Straight lines through a place, half a turn of them.
@@ -41,17 +39,12 @@ pub(super) fn close_canals(cells: &Cells, air: &mut [u8]) {
     let narrow = walk(cells, &from, canal + 5, |i| air[i] == ENCLOSED);
     let deep: Vec<usize> = narrow.iter().filter(|&&(_, d)| d > canal).map(|&(i, _)| i).collect();
     let depth: HashMap<usize, u32> = narrow.into_iter().collect();
-    let (way, rim) = (canal + thirds(WAY_MM), canal + thirds(RIM_MM));
-    let back = walk(cells, &deep, way.max(rim), |i| air[i] == OPEN || depth.contains_key(&i));
-    let on_the_way = |i: usize, d: u32| match depth.get(&i) {
-        Some(depth) => *depth <= fold && depth + d <= way,
-        None => d <= rim,
-    };
+    let back = walk(cells, &deep, canal + thirds(RIM_MM), |i| air[i] == OPEN || depth.contains_key(&i));
     let lines = directions();
     let within: Vec<usize> = back
         .into_par_iter()
-        .filter(|&(i, d)| on_the_way(i, d) && is_closed_in(cells, air, &lines, i))
         .map(|(i, _)| i)
+        .filter(|i| depth.get(i).is_none_or(|&d| d <= fold) && is_closed_in(cells, air, &lines, *i))
         .collect();
     for (i, d) in depth {
         air[i] = if d > fold { CANAL } else { OPEN };
