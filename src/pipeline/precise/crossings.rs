@@ -217,8 +217,24 @@ impl Search<'_> {
         let at = |d: f64| self.space.sample(add(p, scale(n, d)));
         let tissue = [-1.0, -1.4, -1.8].iter().filter_map(|&d| at(d)).fold(f32::MIN, f32::max);
         let air = [1.2, 1.8, 2.4].iter().filter_map(|&d| at(d)).fold(f32::MAX, f32::min);
+        let cells = &self.patient.survey.cells;
+        if cells.at(p).is_some_and(|cell| self.patient.near_foreign[cells.offset(cell)]) {
+            return (tissue, gap(self.levels.air, tissue, air));
+        }
         (tissue, air)
     }
+}
+
+/// The level of the air that puts the half-way place at the skin, where `seen` is the least between
+/// the skin and something foreign next to it: both borders' blur meets in the middle of the gap,
+/// and the far one's reaches the skin itself, twice as far away, a little too.
+fn gap(air: f32, tissue: f32, seen: f32) -> f32 {
+    let share = f64::from((seen - air) / (tissue - air)).clamp(0.0, 1.0);
+    if share < 0.01 {
+        return air;
+    }
+    let half_gap = -edge::probit(0.5 * share);
+    air + (2.0 * upper_tail(2.0 * half_gap)) as f32 * (tissue - air)
 }
 
 /// What touches the patient puts the skin so near beside it in doubt, mm.
