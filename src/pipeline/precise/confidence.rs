@@ -1,71 +1,80 @@
 //! The expected error of a point, in mm.
 //!
 //! Each cause adds its variance. The factors were fitted once, by non-negative least squares
-//! weighted by the variance itself, to the squared true error on eleven phantoms with an analytic
-//! skin that this software did not make (0.45 to 0.98 mm pixels, 0.6 to 3 mm slices, noise 5 to
-//! 15 HU, eleven heads and poses, with a holder near the head or touching it). They say how much of
-//! each cause ends up across the skin.
+//! weighted by the variance itself, to the squared true error on nineteen phantoms with an analytic
+//! skin that this software did not make (0.45 to 0.98 mm pixels, 0.6 to 3 mm slices, noise 1 to
+//! 15 HU, edges of 0.3 to 0.9 mm, nineteen heads and poses, with a holder near the head or touching
+//! it). They say how much of each cause ends up across the skin.
 
 use super::agreement::Agreement;
 use super::between;
 use super::crossings::Crossing;
 use super::space::Space;
-use crate::geometry::{dot, norm};
+use super::width::Width;
+use crate::geometry::{Vec3, dot, norm};
 
 /// Always there, mm.
-const LEAST_MM: f64 = 0.007;
+const LEAST_MM: f64 = 0.009;
 /// Of the pixel's edge: what sampling leaves open.
-const PIXEL: f64 = 0.0178;
+const PIXEL: f64 = 0.0076;
 /// Of the edge fit's own deviation (noise, width).
-const EDGE: f64 = 0.308;
+const EDGE: f64 = 0.365;
 /// Of the deviation of an edge between two slices that do not resolve it.
-const UNRESOLVED: f64 = 0.85;
+const UNRESOLVED: f64 = 0.98;
 /// Of the offset from the surface of the neighbours.
-const OFFSET: f64 = 1.12;
-/// mm of error for a curvature of 1/mm: a blurred edge moves toward the inside of a bend.
-const CURVATURE: f64 = 0.75;
+const OFFSET: f64 = 1.0;
+/// Of the edge's variance (mm²) times the curvature (1/mm): a blurred edge moves toward the inside
+/// of a bend.
+const BEND: f64 = 2.0;
 /// Curvature above this is not told from noise, 1/mm.
 const MOST_CURVED: f64 = 0.3;
 /// Of the edge fit's deviation where there are no neighbours to agree.
-const ALONE: f64 = 8.0;
+const ALONE: f64 = 4.75;
 /// Between slices: of the gap.
-const GAP: f64 = 0.0085;
+const GAP: f64 = 0.0101;
 /// Between slices: of gap² · curvature, the height of the arc over its chord.
-const ARC: f64 = 0.111;
+const ARC: f64 = 0.114;
+/// Between slices: of the edge's variance times the curvature.
+const BEND_BETWEEN: f64 = 3.0;
 /// Between slices: of the way that the contour moves from one to the next.
-const SHIFT: f64 = 0.0121;
+const SHIFT: f64 = 0.0094;
 /// Between slices: of the offset from the surface of the neighbours.
-const OFFSET_BETWEEN: f64 = 1.64;
+const OFFSET_BETWEEN: f64 = 1.12;
 /// Between slices, where there are no neighbours to agree, mm.
-const ALONE_BETWEEN_MM: f64 = 0.9;
+const ALONE_BETWEEN_MM: f64 = 0.89;
 
-/// What the scan's geometry lends to the error.
+/// What the scan's geometry and its sharpness lend to the error.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Confidence {
     pixel: f64,
     gap: f64,
     slice_axis: usize,
+    slice_normal: Vec3,
+    width: Width,
 }
 
 impl Confidence {
     /// For a scan.
-    pub(super) fn of(space: &Space) -> Self {
+    pub(super) fn of(space: &Space, width: &Width) -> Self {
         let slice_axis = space.slice_axis();
         let in_plane = (0..3).filter(|&a| a != slice_axis).map(|a| norm(space.mean_step(a)));
         Self {
             pixel: in_plane.fold(0.0, f64::max),
             gap: dot(space.mean_step(slice_axis), space.slice_normal()).abs(),
             slice_axis,
+            slice_normal: space.slice_normal(),
+            width: *width,
         }
     }
 
     /// Expected error of a point along its normal, mm.
     pub(super) fn error(&self, c: &Crossing, a: &Agreement) -> f64 {
         let bend = a.curvature.abs().min(MOST_CURVED);
+        let moved = self.width.along(c.normal, self.slice_normal).powi(2) * bend;
         let parts = if c.between {
             [
                 OFFSET_BETWEEN * a.offset,
-                CURVATURE * bend,
+                BEND_BETWEEN * moved,
                 GAP * self.gap,
                 ARC * self.gap * self.gap * bend,
                 // There the coarseness is in gaps.
@@ -77,7 +86,7 @@ impl Confidence {
             let (edge, alone) = if unresolved { (UNRESOLVED, 0.0) } else { (EDGE, ALONE) };
             [
                 OFFSET * a.offset,
-                CURVATURE * bend,
+                BEND * moved,
                 LEAST_MM,
                 PIXEL * self.pixel,
                 edge * c.error,

@@ -69,7 +69,7 @@ pub fn reconstruct(
     drop((patient, doubtful));
     let all = between::fill(&space, measured);
     go_on(Stage::Downsampling, 0.0)?;
-    let clouds = Clouds::of(&space, &all, leaf_mm);
+    let clouds = Clouds::of(&space, &width, &all, leaf_mm);
     let quality = assess::quality(&space, &levels, &width, &head, &areas, &all, &clouds.agreements);
     let quality = quality.judge(limits);
     go_on(Stage::Downsampling, 1.0)?;
@@ -104,7 +104,7 @@ struct Clouds {
 impl Clouds {
     /// One point for each leaf, of all crossings and of each plane's, with its error, in
     /// level-of-detail order.
-    fn of(space: &Space, all: &[Crossing], leaf: f64) -> Self {
+    fn of(space: &Space, width: &Width, all: &[Crossing], leaf: f64) -> Self {
         let merged = leaves::thin(all, leaf, |_| true);
         let of_plane = Plane::ALL.map(|plane| leaves::thin(all, leaf, |c| c.planes.contains(plane)));
         // Most crossings that stand for a leaf do so in several clouds.
@@ -113,7 +113,7 @@ impl Clouds {
         chosen.par_sort_unstable();
         chosen.dedup();
         let neighbourhood = Neighbourhood::of(all);
-        let confidence = Confidence::of(space);
+        let confidence = Confidence::of(space, width);
         let stated: Vec<(Agreement, f64)> = chosen
             .par_iter()
             .map(|&i| {
