@@ -16,7 +16,7 @@ use super::survey::Cells;
 use crate::geometry::{Vec3, add, scale};
 
 /// How far beyond the ball's reach a fold is still skin, mm.
-const FOLD_MM: f64 = 4.0;
+const FOLD_MM: f64 = 6.0;
 /// Narrow air deeper than this is no fold but a canal, mm.
 const CANAL_MM: f64 = 12.0;
 /// A canal's rim is looked for no further out than this before the narrow air, mm.
@@ -24,9 +24,9 @@ const RIM_MM: f64 = 6.0;
 /// Straight lines through a place, half a turn of them.
 const LINES: u32 = 256;
 /// A line is free if it meets nothing so far to both sides, mm.
-const FREE_MM: f64 = 10.0;
+const FREE_MM: f64 = 7.0;
 /// A place is within a canal if less than this share of the lines is free.
-const LEAST_FREE: f64 = 0.02;
+const LEAST_FREE: f64 = 0.05;
 /// Chamfer steps of the walk through narrow air, in thirds of a cell.
 const STEPS: [u32; 4] = [0, 3, 4, 5];
 
@@ -86,7 +86,8 @@ fn is_closed_in(cells: &Cells, air: &[u8], lines: &[Vec3], cell: usize) -> bool 
     (free as f64) < LEAST_FREE * lines.len() as f64
 }
 
-/// The open cells that share a face, an edge or a corner with narrow ones.
+/// The open cells that share a face with narrow ones: past an edge or a corner a thin wall would let
+/// through.
 fn next_to_narrow(cells: &Cells, air: &[u8]) -> Vec<usize> {
     let [nx, ny, nz] = cells.shape;
     let mut next = Vec::new();
@@ -94,7 +95,7 @@ fn next_to_narrow(cells: &Cells, air: &[u8]) -> Vec<usize> {
         if air[i] != ENCLOSED {
             return;
         }
-        for (dz, dy, dx) in neighbours() {
+        for (dz, dy, dx) in neighbours().filter(|&(z, y, x)| z.abs() + y.abs() + x.abs() == 1) {
             let (Some(x), Some(y), Some(z)) =
                 (x.checked_add_signed(dx), y.checked_add_signed(dy), z.checked_add_signed(dz))
             else {
@@ -159,4 +160,38 @@ fn neighbours() -> impl Iterator<Item = (isize, isize, isize)> {
     (-1..=1)
         .flat_map(|z| (-1..=1).flat_map(move |y| (-1..=1).map(move |x| (z, y, x))))
         .filter(|&n| n != (0, 0, 0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A block of skin that ends at z = 30, with a tube of 5 mm that goes 22 mm in at (20, 20) and a
+    /// groove of 4 mm along x, 9 mm deep, at y = 45.
+    #[test]
+    fn a_tube_is_closed_at_its_rim_and_a_groove_stays_open() {
+        let cells = Cells { origin: [0.0; 3], edge: 1.0, shape: [60, 60, 60] };
+        let in_tube = |[x, y, z]: [usize; 3]| {
+            (8..=30).contains(&z) && x.abs_diff(20).pow(2) + y.abs_diff(20).pow(2) <= 6
+        };
+        let in_groove = |[_, y, z]: [usize; 3]| (22..=30).contains(&z) && (44..48).contains(&y);
+        let mut air: Vec<u8> = (0..cells.len())
+            .map(|i| match cells.cell(i) {
+                [_, _, z] if z > 30 => OPEN,
+                cell if in_tube(cell) || in_groove(cell) => ENCLOSED,
+                _ => SOLID,
+            })
+            .collect();
+        close_canals(&cells, &mut air);
+        each_cell(&cells, |i, cell| match cell {
+            [_, _, z] if z > 31 => assert_eq!(air[i], OPEN, "open air at {cell:?}"),
+            [_, _, z] if in_tube(cell) && z < 29 => assert_ne!(air[i], OPEN, "tube at {cell:?}"),
+            // Where the block ends so does the groove.
+            [x, _, z] if in_groove(cell) && (12..48).contains(&x) => {
+                let expected = if z > 24 { OPEN } else { CANAL };
+                assert_eq!(air[i], expected, "groove at {cell:?}");
+            }
+            _ => {}
+        });
+    }
 }

@@ -297,7 +297,12 @@ pub(super) fn measure(
                 return None;
             }
             let mut index = c.inner.map(f64::from);
-            index[usize::from(c.axis)] += if c.ascending { edge.place } else { -edge.place };
+            let axis = usize::from(c.axis);
+            index[axis] += if c.ascending { edge.place } else { -edge.place };
+            // Beyond the first and the last voxel nothing was measured.
+            if !(0.0..=(space.shape[axis] - 1) as f64).contains(&index[axis]) {
+                return None;
+            }
             Some(Crossing {
                 place: space.lps(index),
                 normal: c.normal,

@@ -59,6 +59,22 @@ fn the_skin_lies_in_its_true_place() {
     );
 }
 
+/// The air between skin and border is too narrow there for the ball that looks for the outside.
+#[test]
+fn skin_next_to_the_border_of_the_image_is_found() {
+    let phantom = Phantom::new(options()).expect("the options are in range");
+    let truth = phantom.skin_points(3.0);
+    let front = truth.iter().map(|t| t[1]).fold(f64::MAX, f64::min);
+    let half = options().row_mm * (options().rows - 1) as f64 / 2.0;
+    let (_, skin) = run(Options { centre_mm: [0.0, front - 2.0 + half], ..options() }, 1.0);
+    let skin = skin.expect("a head");
+    let tip: Vec<_> = truth.iter().filter(|t| t[1] < front + 4.0).collect();
+    let near =
+        |t: &[f64; 3], p: [f32; 3]| (0..3).map(|a| (f64::from(p[a]) - t[a]).powi(2)).sum::<f64>() < 1.5 * 1.5;
+    let found = tip.iter().filter(|t| skin.points.iter().any(|p| near(t, p.place))).count();
+    assert!(!tip.is_empty() && found * 100 >= tip.len() * 95, "{found} of {} spots of skin", tip.len());
+}
+
 #[test]
 fn normals_point_outward_and_the_stated_error_is_honest() {
     let (phantom, skin) = run(Options { yaw_deg: 10.0, pitch_deg: -8.0, ..options() }, 1.0);
