@@ -36,7 +36,7 @@ pub(super) fn fill(space: &Space, crossings: Vec<Crossing>) -> Vec<Crossing> {
     if gaps.iter().all(|&g| g < NEAR_MM) {
         return crossings;
     }
-    let Some(contours) = Contours::of(space, &crossings) else { return crossings };
+    let Some(contours) = Contours::of(space, &gaps, &crossings) else { return crossings };
     let mut made: Vec<Vec<Crossing>> = gaps
         .par_iter()
         .enumerate()
@@ -78,7 +78,8 @@ struct Contours {
 }
 
 impl Contours {
-    fn of(space: &Space, crossings: &[Crossing]) -> Option<Self> {
+    /// `gaps` between the slices, mm.
+    fn of(space: &Space, gaps: &[f64], crossings: &[Crossing]) -> Option<Self> {
         let slice_axis = space.slice_axis();
         let axes: [usize; 2] = match slice_axis {
             0 => [1, 2],
@@ -112,12 +113,18 @@ impl Contours {
         let low = low.map(|v| (v - 4.0).max(0.0) as usize);
         let shape = [0, 1].map(|i| ((high[i] + 5.0) as usize).min(space.shape[axes[i]] - 1) - low[i] + 1);
         let mut contours = Self { axes, low, shape, spacing, units, distances: Vec::new() };
-        contours.distances = feet.par_iter().map(|f| contours.distances_to(f)).collect();
+        let widest = |k: usize| gaps[k.saturating_sub(1)].max(gaps[k.min(gaps.len() - 1)]);
+        contours.distances = feet
+            .par_iter()
+            .enumerate()
+            .map(|(k, feet)| contours.distances_to(feet, furthest(widest(k))))
+            .collect();
         Some(contours)
     }
 
-    /// Distance from each pixel to the nearest foot, by two sweeps that hand on the nearest.
-    fn distances_to(&self, feet: &[Foot]) -> Vec<f32> {
+    /// Distance from each pixel to the nearest foot no further than `furthest` mm, by two sweeps that
+    /// hand on the nearest.
+    fn distances_to(&self, feet: &[Foot], furthest: f64) -> Vec<f32> {
         let [rows, columns] = self.shape;
         let place = |r: usize, c: usize| {
             [(r + self.low[0]) as f64 * self.spacing[0], (c + self.low[1]) as f64 * self.spacing[1]]
@@ -130,7 +137,8 @@ impl Contours {
         let offer = |nearest: &mut [u32], r: usize, c: usize, foot: u32| {
             let old = nearest[r * columns + c];
             let p = place(r, c);
-            if old == u32::MAX || squared(p, foot) < squared(p, old) {
+            let limit = if old == u32::MAX { furthest * furthest } else { squared(p, old) };
+            if old != foot && squared(p, foot) < limit {
                 nearest[r * columns + c] = foot;
             }
         };
@@ -189,7 +197,7 @@ impl Contours {
     fn between(&self, space: &Space, k: usize, gap: f64) -> Vec<Crossing> {
         let (below, above) = (&self.distances[k], &self.distances[k + 1]);
         let [rows, columns] = self.shape;
-        let furthest = (8.0 + 2.0 * gap) as f32;
+        let furthest = furthest(gap) as f32;
         let known = |i: usize| below[i].abs() < furthest && above[i].abs() < furthest;
         let steep = |i: usize| shift(below[i], above[i]) <= FLATTEST * gap;
         let mut made = Vec::new();
@@ -293,6 +301,11 @@ impl Contours {
         let in_slice = add(scale(self.units[0], g[0]), scale(self.units[1], g[1]));
         normalised(add(in_slice, scale(space.slice_normal(), rise)))
     }
+}
+
+/// Distances to a contour count no further than this, mm, for a gap between slices in mm.
+fn furthest(gap: f64) -> f64 {
+    8.0 + 2.0 * gap
 }
 
 /// How far the contour moves from one slice to the next, from the distances to both, mm.

@@ -136,6 +136,9 @@ impl Search<'_> {
         let mut index = inner.map(|i| i as f64);
         index[axis] += if ascending { t } else { -t };
         let place = self.space.lps(index);
+        if !self.outside.is_near(place) {
+            return None;
+        }
         let normal = self.normal(place)?;
         let along = self.space.mean_step(axis);
         let cosine = dot(normal, along) / norm(along) * if ascending { 1.0 } else { -1.0 };

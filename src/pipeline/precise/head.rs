@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::enclosure::{Seen, view};
 use super::levels::Levels;
-use super::patient::{Cell, Patient, each_cell};
+use super::patient::{Cell, Patient};
 use super::space::Space;
 use super::survey::Survey;
 use crate::geometry::Vec3;
@@ -82,16 +82,20 @@ impl Head {
                 layer.filter(|&cell| is_brain(cells.offset(cell))).collect()
             })
             .collect();
-        let mut metal_cells = 0_usize;
-        let mut area = vec![0_usize; nz];
-        let mut visible = vec![false; nz];
-        each_cell(cells, |i, [_, _, z]| {
-            visible[z] |= seen[i];
-            if patient.kinds[i] == Cell::Patient && seen[i] {
-                area[z] += 1;
-                metal_cells += usize::from(f32::from(hu[i]) > metal);
+        let of_layer = |z: usize| {
+            let (mut visible, mut area, mut metal_cells) = (false, 0_usize, 0_usize);
+            for i in z * nx * ny..(z + 1) * nx * ny {
+                visible |= seen[i];
+                if patient.kinds[i] == Cell::Patient && seen[i] {
+                    area += 1;
+                    metal_cells += usize::from(f32::from(hu[i]) > metal);
+                }
             }
-        });
+            (visible, (area, metal_cells))
+        };
+        let (visible, (area, metal_cells)): (Vec<bool>, (Vec<usize>, Vec<usize>)) =
+            (0..nz).into_par_iter().map(of_layer).unzip();
+        let metal_cells: usize = metal_cells.into_iter().sum();
         let cm2 = |cells_: usize| cells_ as f64 * cells.edge * cells.edge / 100.0;
         let layers: Vec<f64> = brain.iter().map(|l| cm2(l.len() * STRIDE * STRIDE)).collect();
         let of_patient = |z: usize| cm2(area[z * STRIDE]);
@@ -128,11 +132,8 @@ impl Head {
         let Survey { cells, seen, .. } = &patient.survey;
         let s = space.slice_axis();
         let step = [1, cells.shape[0], cells.shape[0] * cells.shape[1]];
-        let (mut above, mut aside) = (0usize, 0usize);
-        each_cell(cells, |i, cell| {
-            if patient.kinds[i] != Cell::Patient || !seen[i] || cell[2] < lowest {
-                return;
-            }
+        let of_cell = |i: usize| {
+            let (cell, mut above, mut aside) = (cells.cell(i), 0_usize, 0_usize);
             for axis in 0..3 {
                 let below = (cell[axis] > 0).then(|| (i - step[axis], -cells.edge));
                 let beyond = (cell[axis] + 1 < cells.shape[axis]).then(|| (i + step[axis], cells.edge));
@@ -146,7 +147,13 @@ impl Head {
                     aside += usize::from(axis != 2 && (0..3).any(|a| a != s && left(a)));
                 }
             }
-        });
+            (above, aside)
+        };
+        let (above, aside) = (lowest * step[2]..cells.len())
+            .into_par_iter()
+            .filter(|&i| patient.kinds[i] == Cell::Patient && seen[i])
+            .map(of_cell)
+            .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
         let face = cells.edge * cells.edge / 100.0;
         self.cut_above_cm2 = above as f64 * face;
         self.cut_at_side_cm2 = aside as f64 * face;

@@ -35,6 +35,7 @@ pub(super) enum Beyond {
 pub(super) struct Outside {
     cells: Cells,
     open: Vec<u8>,
+    near: Vec<bool>,
 }
 
 /// The patient, or what else no air passes.
@@ -116,7 +117,16 @@ impl Outside {
     pub(super) fn find(patient: &Patient) -> Self {
         let Open { cells, mut open } = Open::find(patient);
         close_canals(&cells, &mut open);
-        Self { cells, open }
+        // Both cells' corners on the way to the furthest place that is asked.
+        let reach = ((STEPS_OUT[0] + 3f64.sqrt()).powi(2)).floor() as u16;
+        let distance = squared_distance(cells.shape, reach, |i| matches!(open[i], OPEN | CANAL));
+        let near = distance.into_iter().map(|d| d != u16::MAX).collect();
+        Self { cells, open, near }
+    }
+
+    /// Whether what lies beyond a border at `p` can be anything but inside.
+    pub(super) fn is_near(&self, p: Vec3) -> bool {
+        self.cells.at(p).is_none_or(|cell| self.near[self.cells.offset(cell)])
     }
 
     /// How far before a border [`Self::beyond`] looks, mm.

@@ -118,16 +118,17 @@ impl Patient {
         let (mut low, mut high) = (vec![[usize::MAX; 3]; n], vec![[0usize; 3]; n]);
         let mut touches = vec![false; n];
         let [nx, ny, nz] = self.survey.cells.shape;
-        each_cell(&self.survey.cells, |offset, cell| {
-            let [x, y, z] = cell;
-            if let Some(p) = parts.at(z, y, x) {
-                let p = p as usize;
+        let body = |o: usize| kinds[o] == Cell::Patient && near[o] != u16::MAX;
+        parts.each_row(|[y, z], run| {
+            let p = run.piece as usize;
+            for x in run.start as usize..run.end as usize {
+                let (offset, cell) = (self.survey.cells.offset([x, y, z]), [x, y, z]);
                 for a in 0..3 {
                     low[p][a] = low[p][a].min(cell[a]);
                     high[p][a] = high[p][a].max(cell[a]);
                 }
-                let body = |o: usize| kinds[o] == Cell::Patient && near[o] != u16::MAX;
-                touches[p] |= (x > 0 && body(offset - 1))
+                touches[p] = touches[p]
+                    || (x > 0 && body(offset - 1))
                     || (x + 1 < nx && body(offset + 1))
                     || (y > 0 && body(offset - nx))
                     || (y + 1 < ny && body(offset + nx))
@@ -139,12 +140,11 @@ impl Patient {
             (0..3).map(|a| ((high[p][a] - low[p][a] + 1) as f64).powi(2)).sum::<f64>().sqrt()
                 * self.survey.cells.edge
         };
-        let body = |o: usize| kinds[o] == Cell::Patient && near[o] != u16::MAX;
         let mut changes = Vec::new();
-        each_cell(&self.survey.cells, |offset, cell| {
-            let [x, y, z] = cell;
-            if let Some(p) = parts.at(z, y, x) {
-                let p = p as usize;
+        parts.each_row(|[y, z], run| {
+            let p = run.piece as usize;
+            for x in run.start as usize..run.end as usize {
+                let offset = self.survey.cells.offset([x, y, z]);
                 if !touches[p] {
                     changes.push((offset, Cell::Other));
                 } else if diagonal(p) > LONGEST_PART_MM

@@ -87,8 +87,8 @@ fn border(space: &Space, candidates: &[Candidate], doubtful: &[Doubtful]) -> Vec
         }
         BorderPoint { index: index.map(|v| v as f32), axis, reason }
     };
-    let accepted = candidates.iter().map(|c| point(c.place, c.axis, None));
-    accepted.chain(doubtful.iter().map(|d| point(d.place, d.axis, Some(d.reason)))).collect()
+    let accepted = candidates.par_iter().map(|c| point(c.place, c.axis, None));
+    accepted.chain(doubtful.par_iter().map(|d| point(d.place, d.axis, Some(d.reason)))).collect()
 }
 
 /// The downsampled clouds.
