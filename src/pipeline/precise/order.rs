@@ -1,5 +1,7 @@
 //! Level-of-detail order: the first N points are a good coarse cloud, whatever N is.
 
+use rayon::prelude::*;
+
 use crate::geometry::Vec3;
 
 /// Coarsest level: cells of 2⁷ leaves.
@@ -10,8 +12,8 @@ const COARSEST: u32 = 7;
 pub(super) fn by_detail(points: &[Vec3], leaf: f64) -> Vec<u32> {
     // Along a Morton curve the points of a cell of any level follow each other.
     let mut curve: Vec<(u64, u32)> =
-        points.iter().enumerate().map(|(i, p)| (morton(*p, leaf), i as u32)).collect();
-    curve.sort_unstable();
+        points.par_iter().enumerate().map(|(i, p)| (morton(*p, leaf), i as u32)).collect();
+    curve.par_sort_unstable();
     let mut level = vec![COARSEST + 1; points.len()];
     for pair in curve.windows(2) {
         // The coarsest level on which a point begins a cell of its own.
@@ -19,7 +21,7 @@ pub(super) fn by_detail(points: &[Vec3], leaf: f64) -> Vec<u32> {
         level[pair[1].1 as usize] = differing.div_ceil(3).min(COARSEST + 1);
     }
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
-    order.sort_by_key(|&i| (u32::MAX - level[i as usize], spread(i), i));
+    order.par_sort_unstable_by_key(|&i| (u32::MAX - level[i as usize], spread(i), i));
     order
 }
 

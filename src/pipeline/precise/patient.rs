@@ -77,16 +77,25 @@ impl Patient {
         let main = inner.largest()?;
         let mut core = vec![false; cells.len()];
         let mut own = vec![false; pieces.sizes().len()];
+        let mut runs = Vec::new();
         inner.each_row(|[y, z], run| {
             if run.piece == main {
-                for x in run.start as usize..run.end as usize {
-                    core[cells.offset([x, y, z])] = true;
-                    if let Some(piece) = piece_at(space, &pieces, cells.centre([x, y, z])) {
-                        own[piece as usize] = true;
-                    }
-                }
+                let start = cells.offset([run.start as usize, y, z]);
+                let end = cells.offset([run.end as usize, y, z]);
+                core[start..end].fill(true);
+                runs.push(start..end);
             }
         });
+        let pieces_in = |run: std::ops::Range<usize>| {
+            let at = |i| piece_at(space, &pieces, cells.centre(cells.cell(i)));
+            let mut found: Vec<u32> = run.filter_map(at).collect();
+            found.dedup();
+            found
+        };
+        let of_core: Vec<Vec<u32>> = runs.into_par_iter().map(pieces_in).collect();
+        for piece in of_core.into_iter().flatten() {
+            own[piece as usize] = true;
+        }
         kinds.par_iter_mut().enumerate().for_each(|(i, kind)| {
             if *kind == Cell::Patient && !core[i] {
                 *kind = owner(space, &pieces, &own, cells.centre(cells.cell(i)), cells.edge);

@@ -24,7 +24,12 @@ pub(super) struct Space<'a> {
     slices_per_mm: f64,
     /// Reciprocal vectors of the two in-plane steps.
     reciprocal: [Vec3; 2],
+    /// Of a scan with even steps: what turns mm from the first voxel into `[z, y, x]`.
+    even: Option<[Vec3; 3]>,
 }
+
+/// Slices no further than this from where even steps would put them count as even, mm.
+const EVEN_MM: f64 = 1e-6;
 
 impl<'a> Space<'a> {
     /// `None` for a volume with fewer than two voxels along an axis, or one whose voxels have no
@@ -57,7 +62,7 @@ impl<'a> Space<'a> {
         let up = cross(a, b);
         let area = dot(up, up);
         let reciprocal = [scale(cross(b, up), 1.0 / area), scale(cross(up, a), 1.0 / area)];
-        Some(Self {
+        let mut space = Self {
             hu,
             shape,
             slice_axis,
@@ -68,7 +73,25 @@ impl<'a> Space<'a> {
             heights,
             slices_per_mm,
             reciprocal,
-        })
+            even: None,
+        };
+        space.even = space.even_steps();
+        Some(space)
+    }
+
+    fn even_steps(&self) -> Option<[Vec3; 3]> {
+        let [first, .., last] = self.origins else { return None };
+        let step = scale(sub(*last, *first), 1.0 / (self.origins.len() - 1) as f64);
+        let expected = |k: usize| add(*first, scale(step, k as f64));
+        if self.origins.iter().enumerate().any(|(k, &o)| norm(sub(o, expected(k))) > EVEN_MM) {
+            return None;
+        }
+        let across = scale(self.normal, 1.0 / dot(step, self.normal));
+        let mut rows = [across; 3];
+        for (axis, r) in self.in_plane.into_iter().zip(self.reciprocal) {
+            rows[axis] = sub(r, scale(across, dot(step, r)));
+        }
+        Some(rows)
     }
 
     /// Offset of a voxel in [`Self::hu`].
@@ -140,6 +163,10 @@ impl<'a> Space<'a> {
     /// Fractional index `[z, y, x]` of a place; outside the volume too.
     #[inline]
     pub(super) fn index(&self, p: Vec3) -> [f64; 3] {
+        if let Some(rows) = &self.even {
+            let r = sub(p, self.origins[0]);
+            return rows.map(|row| dot(r, row));
+        }
         let h = dot(p, self.normal);
         let k = self.slice_below(h);
         let t = (h - self.heights[k]) / (self.heights[k + 1] - self.heights[k]);
