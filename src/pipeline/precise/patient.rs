@@ -149,22 +149,23 @@ impl Patient {
             (0..3).map(|a| ((high[p][a] - low[p][a] + 1) as f64).powi(2)).sum::<f64>().sqrt()
                 * self.survey.cells.edge
         };
-        let mut changes = Vec::new();
+        let (mut apart, mut long) = (Vec::new(), Vec::new());
         parts.each_row(|[y, z], run| {
-            let p = run.piece as usize;
-            for x in run.start as usize..run.end as usize {
-                let offset = self.survey.cells.offset([x, y, z]);
-                if !touches[p] {
-                    changes.push((offset, Cell::Other));
-                } else if diagonal(p) > LONGEST_PART_MM
-                    && enclosure(&self.survey.cells, offset, body) < ENCLOSED
-                {
-                    changes.push((offset, Cell::Attached));
-                }
+            let start = self.survey.cells.offset([run.start as usize, y, z]);
+            let cells = start..start + (run.end - run.start) as usize;
+            if !touches[run.piece as usize] {
+                apart.extend(cells);
+            } else if diagonal(run.piece as usize) > LONGEST_PART_MM {
+                long.extend(cells);
             }
         });
-        for (offset, kind) in changes {
-            self.kinds[offset] = kind;
+        let in_view = |i: &usize| enclosure(&self.survey.cells, *i, body) < ENCLOSED;
+        let attached: Vec<usize> = long.into_par_iter().filter(in_view).collect();
+        for i in apart {
+            self.kinds[i] = Cell::Other;
+        }
+        for i in attached {
+            self.kinds[i] = Cell::Attached;
         }
     }
 

@@ -1,8 +1,9 @@
 //! The report on every slice: how much of its contour is accepted, and which stretches of it are
 //! not. A bad spot costs its own stretch, not the slice.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::crossings::{Candidate, Doubtful};
@@ -89,7 +90,7 @@ pub(super) fn rows(space: &Space, candidates: &[Candidate], doubtful: &[Doubtful
         }
     }
     accepted
-        .into_iter()
+        .into_par_iter()
         .map(|((plane, index), accepted_mm)| SliceContour {
             plane,
             index: usize::from(index),
@@ -133,6 +134,12 @@ fn length(space: &Space, plane: Plane, normal: Vec3) -> f64 {
 fn stretches(space: &Space, plane: Plane, rejected: &[&Doubtful]) -> Vec<Stretch> {
     let reach =
         APART * (0..3).filter(|&a| a != across(plane)).map(|a| norm(space.mean_step(a))).fold(0.0, f64::max);
+    // Only what lies in a cell of that edge or in one beside it can be near enough.
+    let cell = |i: usize| rejected[i].place.map(|v| (v / reach).floor() as i64);
+    let mut cells: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
+    for i in 0..rejected.len() {
+        cells.entry(cell(i)).or_default().push(i);
+    }
     let mut done = vec![false; rejected.len()];
     let mut found = Vec::new();
     for first in 0..rejected.len() {
@@ -144,9 +151,11 @@ fn stretches(space: &Space, plane: Plane, rejected: &[&Doubtful]) -> Vec<Stretch
         let mut chain = vec![first];
         let mut next = 0;
         while next < chain.len() {
-            let here = rejected[chain[next]].place;
+            let (here, [x, y, z]) = (rejected[chain[next]].place, cell(chain[next]));
             next += 1;
-            for (i, other) in rejected.iter().enumerate() {
+            let beside = (0..27).map(|n| [x + n % 3 - 1, y + n / 3 % 3 - 1, z + n / 9 - 1]);
+            for &i in beside.filter_map(|at| cells.get(&at)).flatten() {
+                let other = rejected[i];
                 if !done[i] && other.reason == reason && norm(sub(other.place, here)) <= reach {
                     done[i] = true;
                     chain.push(i);
