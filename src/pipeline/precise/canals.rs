@@ -11,7 +11,6 @@ use std::f64::consts::PI;
 use rayon::prelude::*;
 
 use super::outside::{CANAL, ENCLOSED, OPEN, SOLID};
-use super::patient::each_cell;
 use super::survey::Cells;
 use crate::geometry::{Vec3, add, scale};
 
@@ -26,8 +25,12 @@ const LINES: u32 = 256;
 /// A line is free if it meets nothing so far to both sides, mm.
 const FREE_MM: f64 = 7.0;
 /// A place is within a canal if less than this share of the lines is free.
-const LEAST_FREE: f64 = 0.05;
-/// Chamfer steps of the walk through narrow air, in thirds of a cell.
+const LEAST_FREE: f64 = 0.03;
+/// So is one next to places within it with less than this, at its rim.
+const RIM_FREE: f64 = 0.1;
+/// Next to it are so many of the 26 around, at least.
+const RIM_NEIGHBOURS: usize = 6;
+/// Chamfer steps of the walk through narrow air, in thirds of a cell, by how many axes they go along.
 const STEPS: [u32; 4] = [0, 3, 4, 5];
 
 /// Marks the narrow air that is fold (open) and the one that is canal: what lies deeper than a
@@ -41,15 +44,24 @@ pub(super) fn close_canals(cells: &Cells, air: &mut [u8]) {
     let depth: HashMap<usize, u32> = narrow.into_iter().collect();
     let back = walk(cells, &deep, canal + thirds(RIM_MM), |i| air[i] == OPEN || depth.contains_key(&i));
     let lines = directions();
-    let within: Vec<usize> = back
+    let judged: Vec<(usize, f64)> = back
         .into_par_iter()
         .map(|(i, _)| i)
-        .filter(|i| depth.get(i).is_none_or(|&d| d <= fold) && is_closed_in(cells, air, &lines, *i))
+        .filter(|i| depth.get(i).is_none_or(|&d| d <= fold))
+        .map(|i| (i, free_share(cells, air, &lines, i)))
         .collect();
     for (i, d) in depth {
         air[i] = if d > fold { CANAL } else { OPEN };
     }
-    for i in within {
+    for &(i, _) in judged.iter().filter(|j| j.1 < LEAST_FREE) {
+        air[i] = CANAL;
+    }
+    let at_rim = |i: usize| {
+        let closed = neighbours_of(cells, i).filter(|&(j, _)| air[j] == CANAL);
+        closed.count() >= RIM_NEIGHBOURS
+    };
+    let rim: Vec<usize> = judged.iter().filter(|j| j.1 < RIM_FREE && at_rim(j.0)).map(|j| j.0).collect();
+    for i in rim {
         air[i] = CANAL;
     }
 }
@@ -66,8 +78,8 @@ fn directions() -> Vec<Vec3> {
         .collect()
 }
 
-/// Whether hardly any straight line through a cell is free to both sides.
-fn is_closed_in(cells: &Cells, air: &[u8], lines: &[Vec3], cell: usize) -> bool {
+/// The share of the straight lines through a cell that are free to both sides, 0 to 1.
+fn free_share(cells: &Cells, air: &[u8], lines: &[Vec3], cell: usize) -> f64 {
     let from = cells.centre(cells.cell(cell));
     let steps = (FREE_MM / cells.edge).round() as u32;
     let is_free = |way: Vec3| {
@@ -83,29 +95,17 @@ fn is_closed_in(cells: &Cells, air: &[u8], lines: &[Vec3], cell: usize) -> bool 
         last == OPEN
     };
     let free = lines.iter().filter(|&&way| is_free(way) && is_free(scale(way, -1.0))).count();
-    (free as f64) < LEAST_FREE * lines.len() as f64
+    free as f64 / lines.len() as f64
 }
 
 /// The open cells that share a face with narrow ones: past an edge or a corner a thin wall would let
 /// through.
 fn next_to_narrow(cells: &Cells, air: &[u8]) -> Vec<usize> {
-    let [nx, ny, nz] = cells.shape;
     let mut next = Vec::new();
-    each_cell(cells, |i, [x, y, z]| {
-        if air[i] != ENCLOSED {
-            return;
-        }
-        for (dz, dy, dx) in neighbours().filter(|&(z, y, x)| z.abs() + y.abs() + x.abs() == 1) {
-            let (Some(x), Some(y), Some(z)) =
-                (x.checked_add_signed(dx), y.checked_add_signed(dy), z.checked_add_signed(dz))
-            else {
-                continue;
-            };
-            if x < nx && y < ny && z < nz && air[(z * ny + y) * nx + x] == OPEN {
-                next.push((z * ny + y) * nx + x);
-            }
-        }
-    });
+    for i in (0..cells.len()).filter(|&i| air[i] == ENCLOSED) {
+        let beside = neighbours_of(cells, i).filter(|&(j, steps)| steps == 1 && air[j] == OPEN);
+        next.extend(beside.map(|(j, _)| j));
+    }
     next.sort_unstable();
     next.dedup();
     next
@@ -114,7 +114,6 @@ fn next_to_narrow(cells: &Cells, air: &[u8]) -> Vec<usize> {
 /// Cells for which `pass` holds, reached from `from` within `most` chamfer thirds, with their
 /// distance; in the order in which they were reached.
 fn walk(cells: &Cells, from: &[usize], most: u32, pass: impl Fn(usize) -> bool) -> Vec<(usize, u32)> {
-    let [nx, ny, nz] = cells.shape;
     let mut best: HashMap<usize, u32> = HashMap::new();
     let mut buckets: Vec<Vec<usize>> = vec![Vec::new(); most as usize + 6];
     buckets[0] = from.to_vec();
@@ -131,21 +130,8 @@ fn walk(cells: &Cells, from: &[usize], most: u32, pass: impl Fn(usize) -> bool) 
                 reached.push((offset, d));
                 best.insert(offset, 0);
             }
-            let (x, y, z) = (offset % nx, offset / nx % ny, offset / (nx * ny));
-            for (dz, dy, dx) in neighbours() {
-                let (Some(x), Some(y), Some(z)) =
-                    (x.checked_add_signed(dx), y.checked_add_signed(dy), z.checked_add_signed(dz))
-                else {
-                    continue;
-                };
-                if x >= nx || y >= ny || z >= nz {
-                    continue;
-                }
-                let next = (z * ny + y) * nx + x;
-                if !pass(next) {
-                    continue;
-                }
-                let total = d + STEPS[dx.unsigned_abs() + dy.unsigned_abs() + dz.unsigned_abs()];
+            for (next, steps) in neighbours_of(cells, offset).filter(|&(next, _)| pass(next)) {
+                let total = d + STEPS[steps];
                 if total <= most && best.get(&next).is_none_or(|&b| b > total) {
                     best.insert(next, total);
                     buckets[total as usize].push(next);
@@ -156,14 +142,18 @@ fn walk(cells: &Cells, from: &[usize], most: u32, pass: impl Fn(usize) -> bool) 
     reached
 }
 
-fn neighbours() -> impl Iterator<Item = (isize, isize, isize)> {
-    (-1..=1)
-        .flat_map(|z| (-1..=1).flat_map(move |y| (-1..=1).map(move |x| (z, y, x))))
-        .filter(|&n| n != (0, 0, 0))
+/// The up to 26 cells around one, with how many axes apart they are.
+fn neighbours_of(cells: &Cells, offset: usize) -> impl Iterator<Item = (usize, usize)> {
+    let cell = cells.cell(offset);
+    cells.block(cell, 1).filter(move |at| *at != cell).map(move |at| {
+        let apart = (0..3).filter(|&a| at[a] != cell[a]).count();
+        (cells.offset(at), apart)
+    })
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::patient::each_cell;
     use super::*;
 
     /// A block of skin that ends at z = 30, with a tube of 5 mm that goes 22 mm in at (20, 20) and a

@@ -241,11 +241,11 @@ fn gap(air: f32, tissue: f32, seen: f32) -> f32 {
 }
 
 /// What touches the patient puts the skin so near beside it in doubt, mm.
-const BESIDE_MM: f64 = 2.5;
+const BESIDE_MM: f64 = 1.5;
 /// The same in cells of 1 mm, the smallest.
-const BESIDE_CELLS: usize = 3;
-/// What is higher above the skin than this does not touch it there, mm.
-const LEVEL_MM: f64 = 1.0;
+const BESIDE_CELLS: usize = 2;
+/// What is higher than this against the skin lies over it, not beside it, mm.
+const LEVEL_MM: f64 = -0.5;
 /// How far behind the border the survey is asked, in cells.
 const DEPTHS: [f64; 4] = [0.6, 1.1, 1.6, 2.1];
 /// A line that meets the skin flatter than this is left to the others.
