@@ -166,32 +166,37 @@ impl Search<'_> {
             return doubt(StretchReason::Foreign, mm, DEPTHS[3] * self.patient.survey.cells.edge);
         }
         if let Some(mm) = self.beside(place, normal) {
-            return doubt(StretchReason::Touching, mm, BESIDE_MM);
+            return doubt(StretchReason::Touching, mm, BESIDE_MM.0);
         }
         let (tissue, air) = self.around(place, normal);
         let inner = inner_voxel;
         Some(Ok(Candidate { inner, axis: axis as u8, ascending, place, normal, tissue, air }))
     }
 
-    /// How far beside the border, no higher than the skin, the nearest cell is that is not the
-    /// patient's.
+    /// How far beside the border the nearest cell is that is not the patient's, if it is so near that
+    /// it puts the border in doubt. Where something lies over it, as a holder does, the gap between
+    /// them was seen, and only what reaches below it is beside it.
     fn beside(&self, p: Vec3, n: Vec3) -> Option<f64> {
         let (cells, kinds) = (&self.patient.survey.cells, &self.patient.kinds);
         let at = cells.at(p)?;
         if !self.patient.near_foreign[cells.offset(at)] {
             return None;
         }
-        let mut nearest: Option<f64> = None;
-        for cell in cells.block(at, BESIDE_CELLS) {
-            if matches!(kinds[cells.offset(cell)], Cell::Attached | Cell::Other) {
-                let d = sub(cells.centre(cell), p);
-                let distance = norm(d);
-                if dot(d, n) < LEVEL_MM && distance <= BESIDE_MM && nearest.is_none_or(|m| distance < m) {
-                    nearest = Some(distance);
-                }
-            }
-        }
-        nearest
+        let from_here = |cell| {
+            let d = sub(cells.centre(cell), p);
+            (norm(d), dot(d, n))
+        };
+        let foreign: Vec<(f64, f64)> = cells
+            .block(at, BESIDE_CELLS)
+            .filter(|&cell| matches!(kinds[cells.offset(cell)], Cell::Attached | Cell::Other))
+            .map(from_here)
+            .collect();
+        let covers = |&(distance, height): &(f64, f64)| {
+            height > COVER_MM.0 && distance * distance - height * height < COVER_MM.1 * COVER_MM.1
+        };
+        let (reach, level) = if foreign.iter().any(covers) { COVERED_MM } else { BESIDE_MM };
+        let beside = foreign.into_iter().filter(|f| f.0 <= reach && f.1 < level);
+        beside.map(|f| f.0).min_by(f64::total_cmp)
     }
 
     /// How far behind the border the survey sees something that is not the patient; `None` if it
@@ -240,12 +245,15 @@ fn gap(air: f32, tissue: f32, seen: f32) -> f32 {
     air + (2.0 * upper_tail(2.0 * half_gap)) as f32 * (tissue - air)
 }
 
-/// What touches the patient puts the skin so near beside it in doubt, mm.
-const BESIDE_MM: f64 = 1.5;
-/// The same in cells of 1 mm, the smallest.
-const BESIDE_CELLS: usize = 2;
-/// What is higher than this against the skin lies over it, not beside it, mm.
-const LEVEL_MM: f64 = -0.5;
+/// What touches the patient puts the skin so near beside it in doubt, and what is higher against the
+/// skin than this does not touch it there, mm.
+const BESIDE_MM: (f64, f64) = (2.5, 1.0);
+/// The same where something covers the skin, mm.
+const COVERED_MM: (f64, f64) = (1.5, -0.5);
+/// What is higher above the skin than this, and no further aside, covers it, mm.
+const COVER_MM: (f64, f64) = (1.0, 1.0);
+/// The furthest of these in cells of 1 mm, the smallest.
+const BESIDE_CELLS: usize = 3;
 /// How far behind the border the survey is asked, in cells.
 const DEPTHS: [f64; 4] = [0.6, 1.1, 1.6, 2.1];
 /// A line that meets the skin flatter than this is left to the others.
