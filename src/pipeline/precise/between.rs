@@ -222,7 +222,7 @@ impl Contours {
                         }
                         let mut place = [r as f64, c as f64];
                         place[along] += here / (here - there);
-                        if let Some(made_here) = self.point(space, k, t, gap, place, along) {
+                        if let Some(made_here) = self.point(space, k, t, gap, place, (along, here < 0.0)) {
                             made.push(made_here);
                         }
                     }
@@ -235,7 +235,7 @@ impl Contours {
             if known(i) && (a < 0.0) != (b < 0.0) && steep(i) {
                 let t = a / (a - b);
                 let place = [(i / columns) as f64, (i % columns) as f64];
-                if let Some(made_here) = self.point(space, k, t, gap, place, 2) {
+                if let Some(made_here) = self.point(space, k, t, gap, place, (2, a < 0.0)) {
                     made.push(made_here);
                 }
             }
@@ -244,7 +244,8 @@ impl Contours {
     }
 
     /// A point of skin at `place` (row and column, from `low`), the share `t` of the way from
-    /// slice k to k + 1; `along` is 0 or 1 for a line in the slice, 2 for one across.
+    /// slice k to k + 1, on a line along 0 or 1 in the slice or 2 across, that leads out of the skin or into
+    /// it.
     fn point(
         &self,
         space: &Space,
@@ -252,7 +253,7 @@ impl Contours {
         t: f64,
         gap: f64,
         place: [f64; 2],
-        along: usize,
+        (along, outward): (usize, bool),
     ) -> Option<Crossing> {
         let slice_axis = space.slice_axis();
         let mut index = [0.0; 3];
@@ -263,6 +264,11 @@ impl Contours {
         let nearest = place[0].round() as usize * self.shape[1] + place[1].round() as usize;
         let shift = shift(self.distances[k][nearest], self.distances[k + 1][nearest]);
         let axis = if along == 2 { slice_axis } else { self.axes[along] };
+        // At a sharp edge the mean of the distances around may turn away from the line.
+        let leading = dot(normal, space.mean_step(axis));
+        if leading == 0.0 || (leading > 0.0) != outward {
+            return None;
+        }
         // A made line lies in no slice of the acquired plane.
         let own = [Plane::Axial, Plane::Coronal, Plane::Sagittal][slice_axis];
         let planes = match axis {

@@ -83,22 +83,24 @@ impl Head {
             })
             .collect();
         let of_layer = |z: usize| {
-            let (mut visible, mut area, mut metal_cells) = (false, 0_usize, 0_usize);
+            let mut layer = Layer::default();
             for i in z * nx * ny..(z + 1) * nx * ny {
-                visible |= seen[i];
+                layer.visible |= seen[i];
                 if patient.kinds[i] == Cell::Patient && seen[i] {
-                    area += 1;
-                    metal_cells += usize::from(f32::from(hu[i]) > metal);
+                    layer.area += 1;
+                    layer.metal += usize::from(f32::from(hu[i]) > metal);
+                    layer.cut_below += usize::from(z > 0 && !seen[i - nx * ny]);
+                    // A cell at the survey's own border has the scan's within its margin.
+                    let beside = [i.wrapping_sub(1), i + 1, i.wrapping_sub(nx), i + nx];
+                    layer.cut |= beside.into_iter().any(|j| seen.get(j) == Some(&false));
                 }
             }
-            (visible, (area, metal_cells))
+            layer
         };
-        let (visible, (area, metal_cells)): (Vec<bool>, (Vec<usize>, Vec<usize>)) =
-            (0..nz).into_par_iter().map(of_layer).unzip();
-        let metal_cells: usize = metal_cells.into_iter().sum();
+        let of_survey: Vec<Layer> = (0..nz).into_par_iter().map(of_layer).collect();
         let cm2 = |cells_: usize| cells_ as f64 * cells.edge * cells.edge / 100.0;
         let layers: Vec<f64> = brain.iter().map(|l| cm2(l.len() * STRIDE * STRIDE)).collect();
-        let of_patient = |z: usize| cm2(area[z * STRIDE]);
+        let of_patient = |z: usize| cm2(of_survey[z * STRIDE].area);
         let is_skull =
             |&z: &usize| of_patient(z) <= WIDEST_HEAD_CM2 && layers[z] >= BRAIN_SHARE * of_patient(z);
         let of_head = largest_run(&layers, |z| of_patient(z) <= WIDEST_HEAD_CM2);
@@ -113,14 +115,14 @@ impl Head {
                 *m += p / count as f64;
             }
         }
-        let ends = Ends::of(&area, &visible, of_head.start * STRIDE..of_head.end * STRIDE);
+        let ends = Ends::of(&of_survey, of_head.start * STRIDE..of_head.end * STRIDE);
         let mut head = Self {
             brain_cm3: brain_mm3 / 1000.0,
             middle,
             lower_end: cells.centre([0, 0, ends.lowest])[2] - 0.5 * cells.edge,
-            metal_cm3: metal_cells as f64 * cell_cm3,
+            metal_cm3: of_survey.iter().map(|l| l.metal).sum::<usize>() as f64 * cell_cm3,
             cut_above_cm2: 0.0,
-            cut_below_cm2: if ends.neck { 0.0 } else { cm2(area[ends.lowest]) },
+            cut_below_cm2: if ends.neck { 0.0 } else { cm2(ends.cut) },
             cut_at_side_cm2: 0.0,
         };
         head.find_cuts(space, patient, ends.lowest);
@@ -176,24 +178,44 @@ fn largest_run(layers: &[f64], may_be: impl Fn(usize) -> bool) -> Range<usize> {
     best
 }
 
+/// The patient in a layer of the survey, in cells.
+#[derive(Debug, Clone, Copy, Default)]
+struct Layer {
+    /// Whether the scan shows any of the layer.
+    visible: bool,
+    /// Of the patient.
+    area: usize,
+    /// Of metal.
+    metal: usize,
+    /// Of the patient, with nothing shown below.
+    cut_below: usize,
+    /// Whether the scan ends within the patient beside some cell: a tilted scan's first layers, and
+    /// what leaves the field of view.
+    cut: bool,
+}
+
 /// Where the head ends below, in layers of the survey.
 struct Ends {
     lowest: usize,
     neck: bool,
+    /// Cells of the patient that the scan's lower end cuts.
+    cut: usize,
 }
 
 impl Ends {
-    /// From the patient's area in every layer (lowest first), which layers the scan shows, and
-    /// which hold the brain.
-    fn of(area: &[usize], visible: &[bool], of_head: Range<usize>) -> Self {
-        let first = visible.iter().position(|&v| v).unwrap_or(0);
+    /// From every layer, lowest first, and which of them hold the brain. A layer that is not shown
+    /// whole may look as narrow as a neck.
+    fn of(layers: &[Layer], of_head: Range<usize>) -> Self {
+        let first = layers.iter().position(|l| l.visible).unwrap_or(0);
         let lowest_brain = of_head.start.max(first);
-        let widest = of_head.filter_map(|z| area.get(z)).max().copied().unwrap_or(0) as f64;
-        // The very first layers may hold less of a tilted scan's patient.
-        let narrowest = (first..=lowest_brain).filter(|&z| area[z] > 0).min_by_key(|&z| area[z]);
-        match narrowest {
-            Some(z) if (area[z] as f64) < NECK * widest => Self { lowest: z, neck: true },
-            _ => Self { lowest: first, neck: false },
+        let widest = of_head.filter_map(|z| layers.get(z)).map(|l| l.area).max().unwrap_or(0) as f64;
+        let whole = (first..=lowest_brain).filter(|&z| layers[z].area > 0 && !layers[z].cut);
+        match whole.min_by_key(|&z| layers[z].area) {
+            Some(z) if (layers[z].area as f64) < NECK * widest => Self { lowest: z, neck: true, cut: 0 },
+            _ => {
+                let cut = layers[..=lowest_brain].iter().map(|l| l.cut_below).sum();
+                Self { lowest: first, neck: false, cut }
+            }
         }
     }
 }
@@ -205,7 +227,6 @@ mod tests {
     #[test]
     fn a_head_ends_at_its_neck_or_is_cut() {
         let brain = 60..120;
-        let visible = [true; 140];
         // Shoulders, neck, jaw, cranium.
         let area = |z: usize| match z {
             0..20 => 400,
@@ -214,13 +235,25 @@ mod tests {
             60..120 => 220,
             _ => 0,
         };
-        let whole: Vec<usize> = (0..140).map(area).collect();
-        let ends = Ends::of(&whole, &visible, brain.clone());
+        let layer = |z| Layer { visible: true, area: area(z), ..Layer::default() };
+        let whole: Vec<Layer> = (0..140).map(layer).collect();
+        let ends = Ends::of(&whole, brain.clone());
         assert!(ends.neck && (20..40).contains(&ends.lowest), "{}", ends.lowest);
-        let cut: Vec<usize> = (0..140).map(|z| if z < 45 { 0 } else { area(z) }).collect();
-        let shown: Vec<bool> = (0..140).map(|z| z >= 45).collect();
-        let ends = Ends::of(&cut, &shown, brain);
+        let cut_at = |z: usize| match z {
+            0..45 => Layer::default(),
+            45 => Layer { cut_below: area(z), ..layer(z) },
+            _ => layer(z),
+        };
+        let ends = Ends::of(&(0..140).map(cut_at).collect::<Vec<_>>(), brain.clone());
         assert!(!ends.neck);
-        assert_eq!(ends.lowest, 45);
+        assert_eq!((ends.lowest, ends.cut), (45, 180));
+        // A tilted scan shows ever more of the layers from 45 to 65.
+        let tilted = |z: usize| match z {
+            0..45 => Layer::default(),
+            45..65 => Layer { area: area(z) * (z - 44) / 21, cut_below: area(z) / 21, cut: true, ..layer(z) },
+            _ => layer(z),
+        };
+        let ends = Ends::of(&(0..140).map(tilted).collect::<Vec<_>>(), brain);
+        assert!(!ends.neck && ends.cut > 150, "{}", ends.cut);
     }
 }

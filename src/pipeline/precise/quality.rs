@@ -77,7 +77,7 @@ pub struct QualityLimits {
 impl Default for QualityLimits {
     fn default() -> Self {
         Self {
-            cut_cm2: 2.0,
+            cut_cm2: 0.5,
             slice_mm: 2.5,
             noise_hu: 40.0,
             metal_cm3: 0.5,
