@@ -213,7 +213,7 @@ impl Ends {
         match whole.min_by_key(|&z| layers[z].area) {
             Some(z) if (layers[z].area as f64) < NECK * widest => Self { lowest: z, neck: true, cut: 0 },
             _ => {
-                let cut = layers[..=lowest_brain].iter().map(|l| l.cut_below).sum();
+                let cut = layers.iter().map(|l| l.cut_below).sum();
                 Self { lowest: first, neck: false, cut }
             }
         }
