@@ -12,8 +12,9 @@ const FREE_BORDER: f64 = 0.5;
 /// Shorter scans than this show too little of the table to tell, mm.
 const LEAST_LENGTH_MM: f64 = 60.0;
 
-/// Marks as [`Cell::Other`] the tissue that runs along the whole scan parallel to the table.
-pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) {
+/// Marks as [`Cell::Other`] the tissue that runs along the whole scan parallel to the table. The
+/// cells of each outline so marked.
+pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) -> Vec<Vec<usize>> {
     let cells = &survey.cells;
     let [nx, ny, nz] = cells.shape;
     let layer = nx * ny;
@@ -30,6 +31,7 @@ pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) {
     let share = |i: usize| f64::from(full[i]) / f64::from(seen[i].max(1));
     let filled: Vec<bool> = (0..layer).map(|i| long(i) && share(i) >= SHARE).collect();
     let emptiness = |i: usize| if long(i) { 1.0 - share(i) } else { 1.0 };
+    let mut marked = Vec::new();
     for outline in outlines(nx, ny, &filled) {
         let (mut border, mut free) = (0usize, 0f64);
         for &i in &outline {
@@ -49,15 +51,14 @@ pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) {
         if free < FREE_BORDER * border as f64 {
             continue;
         }
-        for &i in &outline {
-            for z in 0..nz {
-                let kind = &mut kinds[z * layer + i];
-                if *kind == Cell::Patient {
-                    *kind = Cell::Other;
-                }
-            }
+        let columns = outline.into_iter().flat_map(|i| (0..nz).map(move |z| z * layer + i));
+        let found: Vec<usize> = columns.filter(|&i| kinds[i] == Cell::Patient).collect();
+        for &i in &found {
+            kinds[i] = Cell::Other;
         }
+        marked.push(found);
     }
+    marked
 }
 
 /// The connected outlines of a plane mask, each as a list of offsets.

@@ -26,6 +26,8 @@ const BALL_MM: f64 = 5.0;
 const SKIN_MM: f64 = 1.5;
 /// A thin piece longer than this (diagonal of its box) is no ear, nose or jaw, mm.
 const LONGEST_PART_MM: f64 = 95.0;
+/// A couch is seen apart from the patient if no more than this share of its cells is the patient's.
+const LENT: f64 = 0.3;
 
 /// What is so near something foreign may touch it, mm.
 const FOREIGN_MM: f64 = 3.5;
@@ -70,35 +72,20 @@ impl Patient {
         let survey = Survey::of(space, Cells::over(crop::bounds(space, levels), EDGE_MM));
         let cells = survey.cells;
         let mut kinds = tissue(&survey, levels);
-        couch::mark(&survey, &mut kinds);
-        let limit = cells.squared(BALL_MM);
-        let depth = squared_distance(cells.shape, limit, |i| kinds[i] != Cell::Patient);
-        let inner = Pieces::of(cells.shape, |i| depth[i] == u16::MAX);
-        let main = inner.largest()?;
-        let mut core = vec![false; cells.len()];
-        let mut own = vec![false; pieces.sizes().len()];
-        let mut runs = Vec::new();
-        inner.each_row(|[y, z], run| {
-            if run.piece == main {
-                let start = cells.offset([run.start as usize, y, z]);
-                let end = cells.offset([run.end as usize, y, z]);
-                core[start..end].fill(true);
-                runs.push(start..end);
+        let couch = couch::mark(&survey, &mut kinds);
+        let mut core = core(&cells, &kinds)?;
+        let own = own_pieces(space, &pieces, &cells, &core);
+        let owner = |i: usize| owner(space, &pieces, &own, cells.centre(cells.cell(i)), cells.edge);
+        let lent: Vec<usize> = couch.iter().flat_map(|marked| lent(marked, owner)).collect();
+        if !lent.is_empty() {
+            for i in lent {
+                kinds[i] = Cell::Patient;
             }
-        });
-        let pieces_in = |run: std::ops::Range<usize>| {
-            let at = |i| piece_at(space, &pieces, cells.centre(cells.cell(i)));
-            let mut found: Vec<u32> = run.filter_map(at).collect();
-            found.dedup();
-            found
-        };
-        let of_core: Vec<Vec<u32>> = runs.into_par_iter().map(pieces_in).collect();
-        for piece in of_core.into_iter().flatten() {
-            own[piece as usize] = true;
+            core = self::core(&cells, &kinds)?;
         }
         kinds.par_iter_mut().enumerate().for_each(|(i, kind)| {
             if *kind == Cell::Patient && !core[i] {
-                *kind = owner(space, &pieces, &own, cells.centre(cells.cell(i)), cells.edge);
+                *kind = owner(i);
             }
         });
         let reach = cells.squared(BALL_MM + SKIN_MM);
@@ -177,6 +164,47 @@ impl Patient {
             .find_map(|d| piece_at(space, &self.pieces, add(p, scale(n, -d))))
             .map(|piece| self.own[piece as usize])
     }
+}
+
+/// The cells of the body: the largest piece that the ball leaves; `None` if it leaves nothing.
+fn core(cells: &Cells, kinds: &[Cell]) -> Option<Vec<bool>> {
+    let depth = squared_distance(cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
+    let inner = Pieces::of(cells.shape, |i| depth[i] == u16::MAX);
+    let main = inner.largest()?;
+    let mut core = vec![false; cells.len()];
+    inner.each_row(|[y, z], run| {
+        if run.piece == main {
+            let row = cells.offset([0, y, z]);
+            core[row + run.start as usize..row + run.end as usize].fill(true);
+        }
+    });
+    Some(core)
+}
+
+/// Which of the scan's pieces of clear tissue have a part in the body.
+fn own_pieces(space: &Space, pieces: &Pieces, cells: &Cells, core: &[bool]) -> Vec<bool> {
+    let row = cells.shape[0];
+    let in_row = |r: usize| {
+        let cells_in = (r * row..(r + 1) * row).filter(|&i| core[i]);
+        let mut found: Vec<u32> =
+            cells_in.filter_map(|i| piece_at(space, pieces, cells.centre(cells.cell(i)))).collect();
+        found.dedup();
+        found
+    };
+    let found: Vec<Vec<u32>> = (0..core.len() / row).into_par_iter().map(in_row).collect();
+    let mut own = vec![false; pieces.sizes().len()];
+    for piece in found.into_iter().flatten() {
+        own[piece as usize] = true;
+    }
+    own
+}
+
+/// Of the cells of a couch's outline those that are the patient's: where the head leans over a holder
+/// that is seen apart from it. Where both are one piece nobody can tell.
+fn lent(marked: &[usize], owner: impl Fn(usize) -> Cell + Sync) -> Vec<usize> {
+    let own: Vec<usize> = marked.par_iter().copied().filter(|&i| owner(i) == Cell::Patient).collect();
+    let seen_apart = own.len() as f64 <= LENT * marked.len() as f64;
+    if seen_apart { own } else { Vec::new() }
 }
 
 /// The cells with tissue in their middle, as if all of it were the patient's.
