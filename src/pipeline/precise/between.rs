@@ -15,7 +15,7 @@ use crate::geometry::{Plane, PlaneSet, Vec3, add, dot, norm, normalised, scale};
 const NEAR_MM: f64 = 1.25;
 /// A line across the slices that has fewer voxels than this for the edge (in standard deviations
 /// from one to the next) does not resolve it.
-pub(super) const UNRESOLVED: f64 = 2.5;
+pub(super) const UNRESOLVED: f64 = 2.0;
 /// A point whose expected error is larger than this is dropped, mm.
 const DOUBTFUL_MM: f64 = 1.0;
 /// Images between two slices are made this far apart at most, mm.
@@ -286,6 +286,7 @@ impl Contours {
             between: true,
             coarseness: shift / gap,
             error: 0.02 * gap + 0.02,
+            level: 0.0,
         })
     }
 

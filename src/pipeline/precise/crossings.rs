@@ -1,12 +1,14 @@
 //! Every crossing of the skin with a grid line, in its true place.
 
+use std::f64::consts::TAU;
+
 use rayon::prelude::*;
 
 use super::edge::{self, Profile};
 use super::levels::Levels;
 use super::outside::{Beyond, Outside};
 use super::patient::{Cell, Patient};
-use super::regions::Regions;
+use super::regions::{Regions, median};
 use super::space::Space;
 use super::stretches::StretchReason;
 use super::width::Width;
@@ -29,6 +31,8 @@ pub(super) struct Candidate {
     pub(super) tissue: f32,
     /// Level of the air just outside, HU.
     pub(super) air: f32,
+    /// By how much the tissue's level falls further in, HU.
+    pub(super) decline: f32,
 }
 
 /// A measured point of the skin.
@@ -50,6 +54,8 @@ pub(super) struct Crossing {
     pub(super) coarseness: f64,
     /// Expected error along the normal, mm, from the edge alone.
     pub(super) error: f64,
+    /// How far along the normal the crossing would move if the levels were those usual in the scan, mm.
+    pub(super) level: f64,
 }
 
 /// Finds the candidates; and those borders of the patient that would be skin but for a doubt.
@@ -170,7 +176,7 @@ impl Search<'_> {
         }
         let (tissue, air) = self.around(place, normal);
         let inner = inner_voxel;
-        Some(Ok(Candidate { inner, axis: axis as u8, ascending, place, normal, tissue, air }))
+        Some(Ok(Candidate { inner, axis: axis as u8, ascending, place, normal, tissue, air, decline: 0.0 }))
     }
 
     /// How far beside the border the nearest cell is that is not the patient's, if it is so near that
@@ -289,6 +295,8 @@ pub(super) fn measure(
     candidates: &[Candidate],
 ) -> Vec<Crossing> {
     let steep = Steep::new(space);
+    let usual_air = median((0..candidates.len()).map(|i| regions.levels(i).1));
+    let usual_decline = median(candidates.iter().map(|c| c.decline));
     candidates
         .par_iter()
         .enumerate()
@@ -322,6 +330,8 @@ pub(super) fn measure(
                 between: false,
                 coarseness: across / sigma,
                 error: edge.deviation * across,
+                level: sigma * TAU.sqrt() * f64::from((air - usual_air).hypot(c.decline - usual_decline))
+                    / contrast,
             })
         })
         .collect()
@@ -342,9 +352,11 @@ pub(super) fn refine_levels(space: &Space, width: &Width, regions: &Regions, can
         let depths = PLATEAU.map(|(deviations, most)| f64::min(deviations * sigma, most));
         let [Some(first), Some(second)] = depths.map(level) else { return };
         let mut tissue = f64::midpoint(first, second);
+        let further = level(depths[1] + FURTHER_MM);
+        c.decline = further.map_or(0.0, |further| (tissue - further) as f32);
         // As far as what lies below the skin shows already, it is taken off by what it shows further in.
         let (near, far) = (f64::midpoint(depths[0], depths[1]), depths[1] + FURTHER_MM);
-        if let Some(decline) = level(far).map(|further| tissue - further).filter(|d| DECLINE.contains(d)) {
+        if let Some(decline) = further.map(|further| tissue - further).filter(|d| DECLINE.contains(d)) {
             let below = |depth: f64| upper_tail((SKIN_MM - depth) / sigma);
             tissue += decline * below(near) / (below(far) - below(near));
         }

@@ -58,7 +58,8 @@ impl Regions {
     }
 }
 
-fn median(values: impl Iterator<Item = f32>) -> f32 {
+/// The middle one of some values, at least one.
+pub(super) fn median(values: impl Iterator<Item = f32>) -> f32 {
     let mut values: Vec<f32> = values.collect();
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
