@@ -1,7 +1,8 @@
 //! What the result's quality is: the figures of [`Quality`], gathered.
 
 use super::agreement::Agreement;
-use super::crossings::{Crossing, Doubtful};
+use super::candidates::Doubtful;
+use super::crossings::Crossing;
 use super::head::Head;
 use super::levels::Levels;
 use super::motion::largest_step;

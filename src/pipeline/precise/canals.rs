@@ -57,7 +57,7 @@ pub(super) fn close_canals(cells: &Cells, air: &mut [u8]) {
         air[i] = CANAL;
     }
     let at_rim = |i: usize| {
-        let closed = neighbours_of(cells, i).filter(|&(j, _)| air[j] == CANAL);
+        let closed = cells.around(i).filter(|&(j, _)| air[j] == CANAL);
         closed.count() >= RIM_NEIGHBOURS
     };
     let rim: Vec<usize> = judged.iter().filter(|j| j.1 < RIM_FREE && at_rim(j.0)).map(|j| j.0).collect();
@@ -103,7 +103,7 @@ fn free_share(cells: &Cells, air: &[u8], lines: &[Vec3], cell: usize) -> f64 {
 fn next_to_narrow(cells: &Cells, air: &[u8]) -> Vec<usize> {
     let mut next = Vec::new();
     for i in (0..cells.len()).filter(|&i| air[i] == ENCLOSED) {
-        let beside = neighbours_of(cells, i).filter(|&(j, steps)| steps == 1 && air[j] == OPEN);
+        let beside = cells.around(i).filter(|&(j, steps)| steps == 1 && air[j] == OPEN);
         next.extend(beside.map(|(j, _)| j));
     }
     next.sort_unstable();
@@ -130,7 +130,7 @@ fn walk(cells: &Cells, from: &[usize], most: u32, pass: impl Fn(usize) -> bool) 
                 reached.push((offset, d));
                 best.insert(offset, 0);
             }
-            for (next, steps) in neighbours_of(cells, offset).filter(|&(next, _)| pass(next)) {
+            for (next, steps) in cells.around(offset).filter(|&(next, _)| pass(next)) {
                 let total = d + STEPS[steps];
                 if total <= most && best.get(&next).is_none_or(|&b| b > total) {
                     best.insert(next, total);
@@ -140,15 +140,6 @@ fn walk(cells: &Cells, from: &[usize], most: u32, pass: impl Fn(usize) -> bool) 
         }
     }
     reached
-}
-
-/// The up to 26 cells around one, with how many axes apart they are.
-fn neighbours_of(cells: &Cells, offset: usize) -> impl Iterator<Item = (usize, usize)> {
-    let cell = cells.cell(offset);
-    cells.block(cell, 1).filter(move |at| *at != cell).map(move |at| {
-        let apart = (0..3).filter(|&a| at[a] != cell[a]).count();
-        (cells.offset(at), apart)
-    })
 }
 
 #[cfg(test)]

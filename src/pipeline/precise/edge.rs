@@ -46,6 +46,13 @@ pub(super) fn probit(p: f64) -> f64 {
     }
 }
 
+/// The share of a blurred step that lies beyond a number of standard deviations (Zelen and
+/// Severo's approximation, to 1e-5).
+pub(super) fn upper_tail(x: f64) -> f64 {
+    let t = 1.0 / (1.0 + 0.33267 * x);
+    (-0.5 * x * x).exp() * 0.398_942_3 * t * (0.436_183_6 + t * (-0.120_167_6 + t * 0.937_298))
+}
+
 /// Voxels on a line across an edge, from tissue to air, one voxel apart.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Profile {

@@ -10,7 +10,7 @@
 //! | cells for the search in 3D | `crop`, `survey`, `distance`, `pieces` |
 //! | which tissue is the patient | `couch`, `patient`, `enclosure`, `sheets`, `head` |
 //! | which border is skin | `outside`, `canals` |
-//! | where exactly | `crossings`, `edge`, `regions`, `width` |
+//! | where exactly | `candidates`, `width`, `plateau`, `regions`, `crossings`, `edge` |
 //! | between thick slices | `between` |
 //! | what was not accepted | `stretches` |
 //! | one point a leaf | `leaves`, `order` |
@@ -20,6 +20,7 @@ mod agreement;
 mod assess;
 mod between;
 mod canals;
+mod candidates;
 mod confidence;
 mod couch;
 mod crop;
@@ -35,6 +36,7 @@ mod order;
 mod outside;
 mod patient;
 mod pieces;
+mod plateau;
 mod quality;
 mod reconstruct;
 mod regions;

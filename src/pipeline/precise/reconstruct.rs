@@ -4,8 +4,9 @@ use rayon::prelude::*;
 
 use super::agreement::{Agreement, Neighbourhood};
 use super::assess::Areas;
+use super::candidates::{self, Candidate, Doubtful};
 use super::confidence::Confidence;
-use super::crossings::{self, Candidate, Crossing, Doubtful};
+use super::crossings::{self, Crossing};
 use super::head::Head;
 use super::leaves::Leaf;
 use super::levels::Levels;
@@ -17,7 +18,7 @@ use super::skin::{BorderPoint, NoSkin, Skin, SkinPoint};
 use super::space::Space;
 use super::stretches::rows;
 use super::width::Width;
-use super::{assess, between, leaves, order};
+use super::{assess, between, leaves, order, plateau};
 use crate::dicom::Volume;
 use crate::geometry::{Plane, PlaneSet, Vec3};
 use crate::pipeline::{Observer, Stage};
@@ -50,7 +51,7 @@ pub fn reconstruct(
     }
     let outside = Outside::find(&patient);
     go_on(Stage::Outside, 1.0)?;
-    let (mut candidates, doubtful) = crossings::candidates(&space, &levels, &patient, &outside);
+    let (mut candidates, doubtful) = candidates::find(&space, &levels, &patient, &outside);
     drop(outside);
     if candidates.is_empty() {
         return Err(NoSkin::NoBorder);
@@ -58,7 +59,7 @@ pub fn reconstruct(
     go_on(Stage::Crossings, 0.4)?;
     let rough = Regions::of(&candidates, &levels);
     let width = Width::of(&space, &candidates, &rough);
-    crossings::refine_levels(&space, &width, &rough, &mut candidates);
+    plateau::refine_levels(&space, &width, &rough, &mut candidates);
     let regions = Regions::of(&candidates, &levels);
     let measured = crossings::measure(&space, &levels, &width, &regions, &candidates);
     let slices = rows(&space, &candidates, &doubtful);

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use super::crossings::Candidate;
+use super::candidates::Candidate;
 use super::levels::Levels;
 
 /// Edge of a region, mm.

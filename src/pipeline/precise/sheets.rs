@@ -205,8 +205,9 @@ fn contact(
             continue;
         }
         let n = normals[&i];
-        for (j, way) in cells.around(i) {
+        for (j, axes) in cells.around(i) {
             let Some(m) = normals.get(&j) else { continue };
+            let way = (axes as f64).sqrt() * cells.edge;
             let turn = dot(n, *m).clamp(-1.0, 1.0).acos();
             let total = cost + way + TURN_COST * (turn - 0.15).max(0.0);
             if best.get(&j).is_none_or(|(c, _)| total < *c) {

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, HashMap};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::crossings::{Candidate, Doubtful};
+use super::candidates::{Candidate, Doubtful};
 use super::space::Space;
 use crate::geometry::{Plane, Vec3, dot, norm, sub};
 

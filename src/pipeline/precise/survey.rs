@@ -128,8 +128,8 @@ impl Cells {
         })
     }
 
-    /// The up to 26 cells around one, with their distance, mm.
-    pub(super) fn around(&self, offset: usize) -> impl Iterator<Item = (usize, f64)> {
+    /// The up to 26 cells around one, with how many axes apart they are.
+    pub(super) fn around(&self, offset: usize) -> impl Iterator<Item = (usize, usize)> {
         let cell = self.cell(offset);
         (0..27_usize).filter(|i| *i != 13).filter_map(move |i| {
             let step = [i % 3, i / 3 % 3, i / 9];
@@ -138,7 +138,7 @@ impl Cells {
                 at[a] = (cell[a] + step[a]).checked_sub(1).filter(|&v| v < self.shape[a])?;
             }
             let moved = step.iter().filter(|&&s| s != 1).count();
-            Some((self.offset(at), [0.0, 1.0, 2f64.sqrt(), 3f64.sqrt()][moved] * self.edge))
+            Some((self.offset(at), moved))
         })
     }
 

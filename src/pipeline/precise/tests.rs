@@ -125,6 +125,34 @@ fn the_same_on_any_number_of_threads() {
     assert_eq!(one.slices, four.slices);
 }
 
+/// A board that runs along the whole scan and is cut out round the head, with air between them: where
+/// the head fills the board's cross-section it is the head all the same.
+#[test]
+fn a_head_that_reaches_through_a_board_keeps_its_skin() {
+    let phantom = Phantom::new(options()).expect("the options are in range");
+    let truth = phantom.skin_points(3.0);
+    let back = truth.iter().map(|t| t[1]).fold(f64::MIN, f64::max);
+    let board = back - 30.0..back - 26.0;
+    let mut volume = phantom.volume();
+    for ((z, y, x), hu) in volume.hu.indexed_iter_mut() {
+        let p = volume.grid.lps([z, y, x]);
+        if board.contains(&p[1]) && phantom.signed_distance(p) > 2.0 {
+            *hu = 60;
+        }
+    }
+    let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
+    let near =
+        |t: &[f64; 3], p: [f32; 3]| (0..3).map(|a| (f64::from(p[a]) - t[a]).powi(2)).sum::<f64>() < 1.5 * 1.5;
+    let at_board: Vec<_> = truth.iter().filter(|t| board.contains(&t[1])).collect();
+    let found = at_board.iter().filter(|t| skin.points.iter().any(|p| near(t, p.place))).count();
+    let on_board = |p: &[f64; 3]| {
+        p[1] > board.start - 1.0 && p[1] < board.end + 1.0 && phantom.signed_distance(*p) > 1.5
+    };
+    let stray = skin.points.iter().map(|p| p.place.map(f64::from)).filter(on_board).count();
+    assert_eq!(stray, 0, "points on the board");
+    assert!(found * 100 >= at_board.len() * 60, "{found} of {} spots of skin", at_board.len());
+}
+
 #[test]
 fn a_neck_without_its_head_ends_with_a_reason() {
     let (_, skin) = run(Options { top_mm: -85.0, slices: 40, ..options() }, 1.0);

@@ -1,7 +1,7 @@
 //! How wide the scan shows an edge: the standard deviation of its point spread, in the plane of
 //! the slices and across them.
 
-use super::crossings::Candidate;
+use super::candidates::Candidate;
 use super::regions::Regions;
 use super::space::Space;
 use crate::geometry::{Vec3, dot, norm};

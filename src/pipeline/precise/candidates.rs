@@ -1,0 +1,260 @@
+//! Where the skin crosses a grid line, roughly, and which borders of the patient are no skin.
+
+use rayon::prelude::*;
+
+use super::edge;
+use super::levels::Levels;
+use super::outside::{Beyond, Outside};
+use super::patient::{Cell, Patient};
+use super::space::Space;
+use super::stretches::StretchReason;
+use crate::geometry::{Vec3, add, dot, norm, normalised, scale, sub};
+
+/// A pair of neighbouring voxels with the skin between them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Candidate {
+    /// The voxel in the patient, `[z, y, x]`.
+    pub(super) inner: [u16; 3],
+    /// The axis of the line.
+    pub(super) axis: u8,
+    /// Whether the air lies toward the larger index.
+    pub(super) ascending: bool,
+    /// Rough place, LPS mm.
+    pub(super) place: Vec3,
+    /// Outward unit normal.
+    pub(super) normal: Vec3,
+    /// Level of the tissue just inside, HU.
+    pub(super) tissue: f32,
+    /// Level of the air just outside, HU.
+    pub(super) air: f32,
+    /// By how much the tissue's level falls further in, HU.
+    pub(super) decline: f32,
+}
+
+/// Finds the candidates; and those borders of the patient that would be skin but for a doubt.
+pub(super) fn find(
+    space: &Space,
+    levels: &Levels,
+    patient: &Patient,
+    outside: &Outside,
+) -> (Vec<Candidate>, Vec<Doubtful>) {
+    let [nz, ny, nx] = space.shape;
+    let middle = levels.middle().ceil() as i16;
+    let search = Search { space, levels, patient, outside };
+    let found: Vec<Result<Candidate, Doubtful>> = (0..nz)
+        .into_par_iter()
+        .flat_map_iter(|z| {
+            let mut found = Vec::new();
+            for y in 0..ny {
+                let row = &space.hu[space.offset([z, y, 0])..][..nx];
+                for (x, pair) in row.windows(2).enumerate() {
+                    if (pair[0] >= middle) != (pair[1] >= middle) {
+                        found.extend(search.judge([z, y, x], 2, pair[0] >= middle));
+                    }
+                }
+                for (axis, next) in [(1, [z, y + 1, 0]), (0, [z + 1, y, 0])] {
+                    if next[1] >= ny || next[0] >= nz {
+                        continue;
+                    }
+                    let other = &space.hu[space.offset(next)..][..nx];
+                    for (x, (&a, &b)) in row.iter().zip(other).enumerate() {
+                        if (a >= middle) != (b >= middle) {
+                            found.extend(search.judge([z, y, x], axis, a >= middle));
+                        }
+                    }
+                }
+            }
+            found
+        })
+        .collect();
+    let (mut candidates, mut doubtful) = (Vec::with_capacity(found.len()), Vec::new());
+    for one in found {
+        match one {
+            Ok(candidate) => candidates.push(candidate),
+            Err(doubt) => doubtful.push(doubt),
+        }
+    }
+    (candidates, doubtful)
+}
+
+/// A border of the patient that was not accepted as skin.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Doubtful {
+    /// Rough place, LPS mm.
+    pub(super) place: Vec3,
+    /// Outward unit normal.
+    pub(super) normal: Vec3,
+    /// The axis of its line.
+    pub(super) axis: u8,
+    /// The voxel in the patient, `[z, y, x]`.
+    pub(super) inner: [u16; 3],
+    /// Why.
+    pub(super) reason: StretchReason,
+    /// What was measured, in the reason's unit.
+    pub(super) measured: f64,
+    /// The limit for it.
+    pub(super) limit: f64,
+}
+
+struct Search<'a> {
+    space: &'a Space<'a>,
+    levels: &'a Levels,
+    patient: &'a Patient,
+    outside: &'a Outside,
+}
+
+impl Search<'_> {
+    /// The candidate between the voxel at `lower` and the next one along `axis`; `None` where it
+    /// is no border of the patient to the outside at all.
+    fn judge(&self, lower: [usize; 3], axis: usize, ascending: bool) -> Option<Result<Candidate, Doubtful>> {
+        let mut upper = lower;
+        upper[axis] += 1;
+        let (inner, outer) = if ascending { (lower, upper) } else { (upper, lower) };
+        let (a, b) = (self.space.voxel(inner), self.space.voxel(outer));
+        let t = f64::from((a - self.levels.middle()) / (a - b));
+        let mut index = inner.map(|i| i as f64);
+        index[axis] += if ascending { t } else { -t };
+        let place = self.space.lps(index);
+        if !self.outside.is_near(place) {
+            return None;
+        }
+        let normal = self.normal(place)?;
+        let along = self.space.mean_step(axis);
+        let cosine = dot(normal, along) / norm(along) * if ascending { 1.0 } else { -1.0 };
+        if cosine < LEAST_COSINE {
+            return None;
+        }
+        let inner_voxel = inner.map(|i| i as u16);
+        let doubt = |reason, measured: f64, limit: f64| {
+            let inner = inner_voxel;
+            Some(Err(Doubtful { place, normal, axis: axis as u8, inner, reason, measured, limit }))
+        };
+        if self.patient.owns(self.space, place, normal) != Some(true) {
+            return None;
+        }
+        match self.outside.beyond(place, normal) {
+            Beyond::Outside => {}
+            Beyond::Canal(mm) => return doubt(StretchReason::Canal, mm, self.outside.reach_mm()),
+            Beyond::Inside => return None,
+        }
+        let (seen, padding) = (self.space.voxel(outer), self.levels.padding());
+        if seen < padding {
+            return doubt(StretchReason::FieldOfView, f64::from(seen), f64::from(padding));
+        }
+        if let Some(mm) = self.behind(place, normal) {
+            return doubt(StretchReason::Foreign, mm, DEPTHS[3] * self.patient.survey.cells.edge);
+        }
+        if let Some(mm) = self.beside(place, normal) {
+            return doubt(StretchReason::Touching, mm, BESIDE_MM.0);
+        }
+        let (tissue, air) = self.around(place, normal);
+        let inner = inner_voxel;
+        Some(Ok(Candidate { inner, axis: axis as u8, ascending, place, normal, tissue, air, decline: 0.0 }))
+    }
+
+    /// How far beside the border the nearest cell is that is not the patient's, if it is so near that
+    /// it puts the border in doubt. Where something lies over it, as a holder does, the gap between
+    /// them was seen, and only what reaches below it is beside it.
+    fn beside(&self, p: Vec3, n: Vec3) -> Option<f64> {
+        let (cells, kinds) = (&self.patient.survey.cells, &self.patient.kinds);
+        let at = cells.at(p)?;
+        if !self.patient.near_foreign[cells.offset(at)] {
+            return None;
+        }
+        let from_here = |cell| {
+            let d = sub(cells.centre(cell), p);
+            (norm(d), dot(d, n))
+        };
+        let foreign: Vec<(f64, f64)> = cells
+            .block(at, BESIDE_CELLS)
+            .filter(|&cell| matches!(kinds[cells.offset(cell)], Cell::Attached | Cell::Other))
+            .map(from_here)
+            .collect();
+        let covers = |&(distance, height): &(f64, f64)| {
+            height > COVER_MM.0 && distance * distance - height * height < COVER_MM.1 * COVER_MM.1
+        };
+        let (reach, level) = if foreign.iter().any(covers) { COVERED_MM } else { BESIDE_MM };
+        let beside = foreign.into_iter().filter(|f| f.0 <= reach && f.1 < level);
+        beside.map(|f| f.0).min_by(f64::total_cmp)
+    }
+
+    /// How far behind the border the survey sees something that is not the patient; `None` if it
+    /// sees the patient first.
+    fn behind(&self, p: Vec3, n: Vec3) -> Option<f64> {
+        let cells = &self.patient.survey.cells;
+        for step in DEPTHS {
+            if let Some(cell) = cells.at(add(p, scale(n, -step * cells.edge))) {
+                match self.patient.kinds[cells.offset(cell)] {
+                    Cell::Patient => return None,
+                    Cell::Attached | Cell::Other => return Some(step * cells.edge),
+                    Cell::Air => {}
+                }
+            }
+        }
+        Some(DEPTHS[3] * cells.edge)
+    }
+
+    /// Outward unit normal from the gradient of HU over about a voxel and a half.
+    fn normal(&self, p: Vec3) -> Option<Vec3> {
+        gradient(self.space, p).and_then(|g| normalised(scale(g, -1.0)))
+    }
+
+    /// Level of the tissue inside and of the air outside, as far as they show there.
+    fn around(&self, p: Vec3, n: Vec3) -> (f32, f32) {
+        let at = |d: f64| self.space.sample(add(p, scale(n, d)));
+        let tissue = [-1.0, -1.4, -1.8].iter().filter_map(|&d| at(d)).fold(f32::MIN, f32::max);
+        let air = [1.2, 1.8, 2.4].iter().filter_map(|&d| at(d)).fold(f32::MAX, f32::min);
+        let cells = &self.patient.survey.cells;
+        if cells.at(p).is_some_and(|cell| self.patient.near_foreign[cells.offset(cell)]) {
+            return (tissue, gap(self.levels.air, tissue, air));
+        }
+        (tissue, air)
+    }
+}
+
+/// The level of the air that puts the half-way place at the skin, where `seen` is the least between
+/// the skin and something foreign next to it: both borders' blur meets in the middle of the gap,
+/// and the far one's reaches the skin itself, twice as far away, a little too.
+fn gap(air: f32, tissue: f32, seen: f32) -> f32 {
+    let share = f64::from((seen - air) / (tissue - air)).clamp(0.0, 1.0);
+    if share < 0.01 {
+        return air;
+    }
+    let half_gap = -edge::probit(0.5 * share);
+    air + (2.0 * edge::upper_tail(2.0 * half_gap)) as f32 * (tissue - air)
+}
+
+/// What touches the patient puts the skin so near beside it in doubt, and what is higher against the
+/// skin than this does not touch it there, mm.
+const BESIDE_MM: (f64, f64) = (2.5, 1.0);
+/// The same where something covers the skin, mm.
+const COVERED_MM: (f64, f64) = (1.5, -0.5);
+/// What is higher above the skin than this, and no further aside, covers it, mm.
+const COVER_MM: (f64, f64) = (1.0, 1.0);
+/// The furthest of these in cells of 1 mm, the smallest.
+const BESIDE_CELLS: usize = 3;
+/// How far behind the border the survey is asked, in cells.
+const DEPTHS: [f64; 4] = [0.6, 1.1, 1.6, 2.1];
+/// A line that meets the skin flatter than this is left to the others.
+const LEAST_COSINE: f64 = 0.25;
+
+/// Gradient of HU at a place, per mm along x, y, z.
+fn gradient(space: &Space, p: Vec3) -> Option<Vec3> {
+    let mut g = [0.0; 3];
+    let reach = GRADIENT_MM;
+    for a in 0..3 {
+        let (mut low, mut high) = (p, p);
+        low[a] -= reach;
+        high[a] += reach;
+        let (low, high) = match (space.sample(low), space.sample(high)) {
+            (Some(l), Some(h)) => (f64::from(l) / 2.0, f64::from(h) / 2.0),
+            (Some(l), None) => (f64::from(l), f64::from(space.sample(p)?)),
+            (None, Some(h)) => (f64::from(space.sample(p)?), f64::from(h)),
+            (None, None) => return None,
+        };
+        g[a] = (high - low) / reach;
+    }
+    Some(g)
+}
+
+const GRADIENT_MM: f64 = 0.8;
