@@ -1,4 +1,7 @@
 //! One point for each leaf, on the skin.
+//!
+//! Next to a line that sees the edge clearly one that does not adds nothing but its error, however
+//! small the leaf: it stands for none.
 
 use rayon::prelude::*;
 
@@ -14,6 +17,11 @@ pub(super) struct Leaf {
     pub(super) planes: PlaneSet,
 }
 
+/// Crossings compete with those of the same cube of this edge, mm.
+const RIVALS_MM: f64 = 1.0;
+/// One with more than so many times the least expected error there drops out.
+const CLEAR: f64 = 1.3;
+
 /// For every leaf with a crossing for which `member` holds the one nearest to the middle of its
 /// points, seen along the skin. A centroid would lie inside a curved skin; this lies on it. Leaves
 /// are cubes of edge `leaf` mm of a grid through the patient's origin.
@@ -22,15 +30,27 @@ pub(super) fn thin(
     leaf: f64,
     member: impl Fn(&Crossing) -> bool + Sync,
 ) -> Vec<Leaf> {
-    let mut keyed: Vec<(u64, u32)> = crossings
-        .par_iter()
-        .enumerate()
-        .filter(|(_, c)| member(c))
-        .map(|(i, c)| (key(c.place, leaf), i as u32))
-        .collect();
-    keyed.par_sort_unstable();
-    let groups: Vec<&[(u64, u32)]> = keyed.chunk_by(|a, b| a.0 == b.0).collect();
+    let members = (0..crossings.len() as u32).into_par_iter().filter(|&i| member(&crossings[i as usize]));
+    let rivals = by_cube(crossings, RIVALS_MM, members);
+    let groups: Vec<&[(u64, u32)]> = rivals.chunk_by(|a, b| a.0 == b.0).collect();
+    let clear = groups.into_par_iter().flat_map_iter(|group| clear(crossings, group));
+    let leaves = by_cube(crossings, leaf, clear);
+    let groups: Vec<&[(u64, u32)]> = leaves.chunk_by(|a, b| a.0 == b.0).collect();
     groups.into_par_iter().map(|group| representative(crossings, group)).collect()
+}
+
+/// The cube of edge `edge` mm of each member, with the member, in order.
+fn by_cube(crossings: &[Crossing], edge: f64, members: impl ParallelIterator<Item = u32>) -> Vec<(u64, u32)> {
+    let mut keyed: Vec<(u64, u32)> = members.map(|i| (key(crossings[i as usize].place, edge), i)).collect();
+    keyed.par_sort_unstable();
+    keyed
+}
+
+/// Those of a cube that see the edge nearly as clearly as the best of them.
+fn clear<'a>(crossings: &'a [Crossing], group: &'a [(u64, u32)]) -> impl Iterator<Item = u32> + 'a {
+    let error = |i: u32| crossings[i as usize].error;
+    let least = group.iter().map(|g| error(g.1)).fold(f64::MAX, f64::min);
+    group.iter().map(|g| g.1).filter(move |&i| error(i) <= CLEAR * least)
 }
 
 /// A key for the cube of edge `leaf` mm that holds a place; far beyond any scanner's bore two
