@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::edge;
+use super::field::{self, Field};
 use super::levels::Levels;
 use super::outside::{Beyond, Outside};
 use super::patient::{Cell, Patient};
@@ -35,12 +36,13 @@ pub(super) struct Candidate {
 pub(super) fn find(
     space: &Space,
     levels: &Levels,
+    field: &Field,
     patient: &Patient,
     outside: &Outside,
 ) -> (Vec<Candidate>, Vec<Doubtful>) {
     let [nz, ny, nx] = space.shape;
     let middle = levels.middle().ceil() as i16;
-    let search = Search { space, levels, patient, outside };
+    let search = Search { space, levels, field, patient, outside };
     let found: Vec<Result<Candidate, Doubtful>> = (0..nz)
         .into_par_iter()
         .flat_map_iter(|z| {
@@ -99,6 +101,7 @@ pub(super) struct Doubtful {
 struct Search<'a> {
     space: &'a Space<'a>,
     levels: &'a Levels,
+    field: &'a Field,
     patient: &'a Patient,
     outside: &'a Outside,
 }
@@ -137,9 +140,9 @@ impl Search<'_> {
             Beyond::Canal(mm) => return doubt(StretchReason::Canal, mm, self.outside.reach_mm()),
             Beyond::Inside => return None,
         }
-        let (seen, padding) = (self.space.voxel(outer), self.levels.padding());
-        if seen < padding {
-            return doubt(StretchReason::FieldOfView, f64::from(seen), f64::from(padding));
+        if let Some(voxels) = self.field_ends(inner, outer) {
+            let pixel = self.space.largest_pixel();
+            return doubt(StretchReason::FieldOfView, voxels as f64 * pixel, field::RIM as f64 * pixel);
         }
         if let Some(mm) = self.behind(place, normal) {
             return doubt(StretchReason::Foreign, mm, DEPTHS[3] * self.patient.survey.cells.edge);
@@ -150,6 +153,15 @@ impl Search<'_> {
         let (tissue, air) = self.around(place, normal);
         let inner = inner_voxel;
         Some(Ok(Candidate { inner, axis: axis as u8, ascending, place, normal, tissue, air, decline: 0.0 }))
+    }
+
+    /// How many voxels from the border the field of view ends, if it is so near that nobody can tell the
+    /// two apart.
+    fn field_ends(&self, inner: [usize; 3], outer: [usize; 3]) -> Option<usize> {
+        if self.space.voxel(outer) < self.levels.padding() {
+            return Some(0);
+        }
+        self.field.distance(inner)
     }
 
     /// How far beside the border the nearest cell is that is not the patient's, if it is so near that

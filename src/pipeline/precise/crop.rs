@@ -3,6 +3,7 @@
 
 use super::couch;
 use super::distance::squared_distance;
+use super::field::Field;
 use super::levels::Levels;
 use super::patient::Cell;
 use super::pieces::Pieces;
@@ -23,9 +24,9 @@ const ROOM_MM: f64 = 45.0;
 
 /// The box of the patient with some room, LPS mm, not beyond the scan and its margin; the whole
 /// scan if nothing in it is thick.
-pub(super) fn bounds(space: &Space, levels: &Levels) -> [Vec3; 2] {
+pub(super) fn bounds(space: &Space, field: &Field, levels: &Levels) -> [Vec3; 2] {
     let all = whole(space);
-    let survey = Survey::of(space, Cells::over(all, EDGE_MM));
+    let survey = Survey::of(space, field, Cells::over(all, EDGE_MM));
     let cells = survey.cells;
     let mut kinds = super::patient::tissue(&survey, levels);
     couch::mark(&survey, &mut kinds);

@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::enclosure::{Seen, view};
+use super::field::Field;
 use super::levels::Levels;
 use super::patient::{Cell, Patient};
 use super::space::Space;
@@ -56,7 +57,7 @@ const BRAIN_LAYER_CM2: f64 = 20.0;
 
 impl Head {
     /// Looks for soft tissue in a closed shell of bone.
-    pub(super) fn of(space: &Space, levels: &Levels, patient: &Patient) -> Self {
+    pub(super) fn of(space: &Space, levels: &Levels, field: &Field, patient: &Patient) -> Self {
         let Survey { cells, hu, seen, .. } = &patient.survey;
         let [nx, ny, nz] = cells.shape;
         let (bone, metal) = (levels.tissue + BONE, METAL);
@@ -125,12 +126,12 @@ impl Head {
             cut_below_cm2: if ends.neck { 0.0 } else { cm2(ends.cut) },
             cut_at_side_cm2: 0.0,
         };
-        head.find_cuts(space, patient, ends.lowest);
+        head.find_cuts(space, field, patient, ends.lowest);
         head
     }
 
     /// Where the head leaves the scan above and at the sides: its cells next to the scan's borders.
-    fn find_cuts(&mut self, space: &Space, patient: &Patient, lowest: usize) {
+    fn find_cuts(&mut self, space: &Space, field: &Field, patient: &Patient, lowest: usize) {
         let Survey { cells, seen, .. } = &patient.survey;
         let s = space.slice_axis();
         let step = [1, cells.shape[0], cells.shape[0] * cells.shape[1]];
@@ -144,9 +145,11 @@ impl Head {
                     p[axis] += way;
                     let index = space.index(p);
                     let left = |a: usize| index[a] < 0.0 || index[a] > (space.shape[a] - 1) as f64;
+                    let filled =
+                        space.within(index) == index && !field.holds(index.map(|v| v.round() as usize));
                     let upward = axis == 2 && way > 0.0;
                     above += usize::from(upward);
-                    aside += usize::from(axis != 2 && (0..3).any(|a| a != s && left(a)));
+                    aside += usize::from(axis != 2 && (filled || (0..3).any(|a| a != s && left(a))));
                 }
             }
             (above, aside)

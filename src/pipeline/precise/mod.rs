@@ -6,7 +6,7 @@
 //!
 //! | step | module |
 //! |---|---|
-//! | the scan as a field in mm | `space`, `levels` |
+//! | the scan as a field in mm | `space`, `levels`, `field` |
 //! | cells for the search in 3D | `crop`, `survey`, `distance`, `pieces` |
 //! | which tissue is the patient | `couch`, `patient`, `enclosure`, `sheets`, `head` |
 //! | which border is skin | `outside`, `canals` |
@@ -28,6 +28,7 @@ mod crossings;
 mod distance;
 mod edge;
 mod enclosure;
+mod field;
 mod head;
 mod leaves;
 mod levels;

@@ -10,6 +10,7 @@ use super::couch;
 use super::crop;
 use super::distance::squared_distance;
 use super::enclosure::enclosure;
+use super::field::Field;
 use super::levels::Levels;
 use super::outside::Open;
 use super::pieces::Pieces;
@@ -65,11 +66,11 @@ pub(super) struct Patient {
 
 impl Patient {
     /// Finds the patient; `None` if nothing in the scan is thick enough to be one.
-    pub(super) fn find(space: &Space, levels: &Levels) -> Option<Self> {
+    pub(super) fn find(space: &Space, levels: &Levels, field: &Field) -> Option<Self> {
         let [nz, ny, nx] = space.shape;
         let upper = levels.upper().ceil() as i16;
         let pieces = Pieces::of([nx, ny, nz], |o| space.hu[o] >= upper);
-        let survey = Survey::of(space, Cells::over(crop::bounds(space, levels), EDGE_MM));
+        let survey = Survey::of(space, field, Cells::over(crop::bounds(space, field, levels), EDGE_MM));
         let cells = survey.cells;
         let mut kinds = tissue(&survey, levels);
         let couch = couch::mark(&survey, &mut kinds);

@@ -7,6 +7,7 @@ use super::assess::Areas;
 use super::candidates::{self, Candidate, Doubtful};
 use super::confidence::Confidence;
 use super::crossings::{self, Crossing};
+use super::field::Field;
 use super::head::Head;
 use super::leaves::Leaf;
 use super::levels::Levels;
@@ -43,15 +44,16 @@ pub fn reconstruct(
     let space = Space::new(volume).ok_or(NoSkin::NoVolume)?;
     let levels = Levels::of(&space).ok_or(NoSkin::NoLevels)?;
     go_on(Stage::Patient, 0.0)?;
-    let patient = Patient::find(&space, &levels).ok_or(NoSkin::NoPatient)?;
+    let field = Field::of(&space, &levels);
+    let patient = Patient::find(&space, &levels, &field).ok_or(NoSkin::NoPatient)?;
     go_on(Stage::Patient, 1.0)?;
-    let head = Head::of(&space, &levels, &patient);
+    let head = Head::of(&space, &levels, &field, &patient);
     if head.brain_cm3 < LEAST_BRAIN_CM3 {
         return Err(NoSkin::NoHead { brain_cm3: head.brain_cm3, limit_cm3: LEAST_BRAIN_CM3 });
     }
     let outside = Outside::find(&patient);
     go_on(Stage::Outside, 1.0)?;
-    let (mut candidates, doubtful) = candidates::find(&space, &levels, &patient, &outside);
+    let (mut candidates, doubtful) = candidates::find(&space, &levels, &field, &patient, &outside);
     drop(outside);
     if candidates.is_empty() {
         return Err(NoSkin::NoBorder);

@@ -133,6 +133,11 @@ impl<'a> Space<'a> {
         }
     }
 
+    /// The longer edge of a pixel of the slices, mm.
+    pub(super) fn largest_pixel(&self) -> f64 {
+        self.in_plane.map(|a| norm(self.step[a])).into_iter().fold(0.0, f64::max)
+    }
+
     /// Unit vectors along the two axes of the slices.
     pub(super) fn in_plane_units(&self) -> [Vec3; 2] {
         self.in_plane.map(|a| scale(self.step[a], 1.0 / norm(self.step[a])))

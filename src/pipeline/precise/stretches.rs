@@ -21,7 +21,7 @@ pub enum StretchReason {
     Foreign,
     /// Something foreign touches the skin right beside.
     Touching,
-    /// The image ends here.
+    /// The image or its field of view ends here.
     FieldOfView,
     /// The rim of a nostril, an ear canal or the mouth: behind it is inside.
     Canal,
@@ -50,8 +50,8 @@ pub struct Stretch {
     pub reason: StretchReason,
     /// Its length along the contour, mm.
     pub length_mm: f64,
-    /// What was measured where it was measured worst: mm to the other body or to the canal, HU of
-    /// the voxel outside the image.
+    /// What was measured where it was measured worst: mm to the other body, to the canal or to the end
+    /// of the field of view.
     pub measured: f64,
     /// The limit it was held against, in the same unit.
     pub limit: f64,

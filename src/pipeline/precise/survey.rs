@@ -3,6 +3,7 @@
 
 use rayon::prelude::*;
 
+use super::field::Field;
 use super::space::Space;
 use crate::geometry::Vec3;
 
@@ -32,7 +33,8 @@ pub(super) struct Survey {
     pub(super) cells: Cells,
     /// Hounsfield units, trilinear; beyond the scan those of its nearest voxel.
     pub(super) hu: Vec<i16>,
-    /// Whether the cell's centre lies between the scan's outermost voxel centres.
+    /// Whether the cell's centre lies between the scan's outermost voxel centres and in its field of
+    /// view.
     pub(super) seen: Vec<bool>,
     /// Whether it lies below the lowest of them.
     pub(super) below: Vec<bool>,
@@ -40,7 +42,7 @@ pub(super) struct Survey {
 
 impl Survey {
     /// Samples the scan.
-    pub(super) fn of(space: &Space, cells: Cells) -> Self {
+    pub(super) fn of(space: &Space, field: &Field, cells: Cells) -> Self {
         let [nx, ny, _] = cells.shape;
         let mut hu = vec![0; cells.len()];
         let mut seen = vec![false; cells.len()];
@@ -52,7 +54,7 @@ impl Survey {
                 let p = [start[0] + x as f64 * cells.edge, start[1], start[2]];
                 let index = space.index(p);
                 let clamped = space.within(index);
-                *seen = clamped == index;
+                *seen = clamped == index && field.holds(index.map(|v| v.round() as usize));
                 *below = index[0] > clamped[0];
                 *hu = space.sample_index(clamped).unwrap_or(0.0).round() as i16;
             }
