@@ -11,7 +11,7 @@ use super::between;
 use super::crossings::Crossing;
 use super::space::Space;
 use super::width::Width;
-use crate::geometry::{Vec3, dot, norm};
+use crate::geometry::{dot, norm};
 
 /// Always there, of the voxel's longest edge: what sampling leaves open.
 const VOXEL: f64 = 0.0055;
@@ -50,7 +50,6 @@ pub(super) struct Confidence {
     voxel: f64,
     gap: f64,
     slice_axis: usize,
-    slice_normal: Vec3,
     width: Width,
 }
 
@@ -62,7 +61,6 @@ impl Confidence {
             voxel: (0..3).map(|a| norm(space.mean_step(a))).fold(0.0, f64::max),
             gap: dot(space.mean_step(slice_axis), space.slice_normal()).abs(),
             slice_axis,
-            slice_normal: space.slice_normal(),
             width: *width,
         }
     }
@@ -70,7 +68,7 @@ impl Confidence {
     /// Expected error of a point along its normal, mm.
     pub(super) fn error(&self, c: &Crossing, a: &Agreement) -> f64 {
         let bend = a.curvature.abs().min(MOST_CURVED);
-        let moved = self.width.along(c.normal, self.slice_normal).powi(2) * bend;
+        let moved = self.width.along(c.normal).powi(2) * bend;
         let parts = if c.between {
             [
                 OFFSET_BETWEEN * a.offset,

@@ -54,7 +54,7 @@ pub(super) fn measure(
             let contrast = f64::from(tissue - air);
             let step = space.mean_step(usize::from(c.axis));
             let across = dot(c.normal, step).abs();
-            let sigma = width.along(c.normal, space.slice_normal());
+            let sigma = width.along(c.normal);
             let profile = Profile {
                 shares: profile(space, c).map(|v| f64::from(v - air) / contrast),
                 slope: across / sigma,

@@ -143,6 +143,16 @@ impl<'a> Space<'a> {
         self.in_plane.map(|a| scale(self.step[a], 1.0 / norm(self.step[a])))
     }
 
+    /// Unit vectors along the three axes, the slices' normal in place of theirs: at right angles even if
+    /// the gantry was tilted.
+    pub(super) fn units(&self) -> [Vec3; 3] {
+        let mut units = [self.normal; 3];
+        for (axis, unit) in self.in_plane.into_iter().zip(self.in_plane_units()) {
+            units[axis] = unit;
+        }
+        units
+    }
+
     /// The slice nearest to a place.
     pub(super) fn slice_of(&self, p: Vec3) -> usize {
         let k = self.index(p)[self.slice_axis].round().max(0.0) as usize;

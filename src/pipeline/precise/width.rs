@@ -1,5 +1,5 @@
-//! How wide the scan shows an edge: the standard deviation of its point spread, in the plane of
-//! the slices and across them.
+//! How wide the scan shows an edge: the standard deviation of its point spread along each axis of the
+//! volume. Which of them the slices were cut across does not matter.
 
 use super::candidates::Candidate;
 use super::regions::Regions;
@@ -9,14 +9,18 @@ use crate::geometry::{Vec3, dot, norm};
 /// Standard deviations in mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Width {
-    /// In the plane of the slices.
-    pub(super) in_plane: f64,
-    /// Across the slices.
-    pub(super) across: f64,
+    /// Along `[z, y, x]`, the slices' normal in place of a sheared axis.
+    along: [f64; 3],
+    units: [Vec3; 3],
+    slice_axis: usize,
 }
 
 /// The part of the way from air to tissue that is counted; above it the next layer (fat) begins.
 const COUNTED: [f64; 2] = [0.06, 0.80];
+/// No edge is narrower, mm.
+const LEAST_MM: f64 = 0.2;
+/// Where no line tells, mm.
+const USUAL_MM: f64 = 0.6;
 /// Its width in standard deviations.
 const SPAN: f64 = 0.841_621 + 1.554_774;
 
@@ -24,7 +28,7 @@ impl Width {
     /// From the share of voxels that lie on the slope of the edge: however wide the voxels are,
     /// the mean length of that slope is the same.
     pub(super) fn of(space: &Space, candidates: &[Candidate], regions: &Regions) -> Self {
-        let mut sums = [[0.0; 2]; 2];
+        let mut sums = [[0.0; 2]; 3];
         for (i, c) in candidates.iter().enumerate() {
             let axis = usize::from(c.axis);
             let step = space.mean_step(axis);
@@ -39,28 +43,40 @@ impl Width {
                 .map(|v| f64::from(v - air) / f64::from(tissue - air))
                 .filter(|share| (COUNTED[0]..COUNTED[1]).contains(share))
                 .count();
-            let sum = &mut sums[usize::from(axis == space.slice_axis())];
-            {
-                sum[0] += length * on_slope as f64;
-            }
-            sum[1] += 1.0;
+            sums[axis][0] += length * on_slope as f64;
+            sums[axis][1] += 1.0;
         }
-        let mean = |[sum, n]: [f64; 2], least: f64| (n > 100.0).then(|| (sum / n / SPAN).max(least));
-        let in_plane = mean(sums[0], 0.2).unwrap_or(0.6);
-        Self { in_plane, across: mean(sums[1], 0.2).unwrap_or(in_plane) }
+        let mean = |[sum, n]: [f64; 2]| (n > 100.0).then(|| (sum / n / SPAN).max(LEAST_MM));
+        let found = sums.map(mean);
+        let usual = found.iter().flatten().copied().reduce(f64::min).unwrap_or(USUAL_MM);
+        Self {
+            along: found.map(|w| w.unwrap_or(usual)),
+            units: space.units(),
+            slice_axis: space.slice_axis(),
+        }
+    }
+
+    /// In the plane of the slices.
+    pub(super) fn in_plane(&self) -> f64 {
+        let squares = (0..3).filter(|&a| a != self.slice_axis).map(|a| self.along[a].powi(2));
+        (squares.sum::<f64>() / 2.0).sqrt()
+    }
+
+    /// Across the slices.
+    pub(super) fn across(&self) -> f64 {
+        self.along[self.slice_axis]
     }
 
     /// Along a direction, as trilinear samples show it: they widen the edge once more.
     #[inline]
     pub(super) fn seen_along(&self, space: &Space, n: Vec3) -> f64 {
         let widened: f64 = (0..3).map(|axis| dot(n, space.mean_step(axis)).powi(2) / 6.0).sum();
-        (self.along(n, space.slice_normal()).powi(2) + widened).sqrt()
+        (self.along(n).powi(2) + widened).sqrt()
     }
 
     /// Along a direction.
     #[inline]
-    pub(super) fn along(&self, n: Vec3, slice_normal: Vec3) -> f64 {
-        let s = dot(n, slice_normal).powi(2);
-        (self.in_plane.powi(2) * (1.0 - s) + self.across.powi(2) * s).sqrt()
+    pub(super) fn along(&self, n: Vec3) -> f64 {
+        (0..3).map(|a| (self.along[a] * dot(n, self.units[a])).powi(2)).sum::<f64>().sqrt()
     }
 }
