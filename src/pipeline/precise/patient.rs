@@ -79,7 +79,7 @@ impl Patient {
         let owner = |i: usize| owner(space, &pieces, &own, cells.centre(cells.cell(i)), cells.edge);
         let lent: Vec<usize> = couch.iter().flat_map(|marked| lent(marked, owner)).collect();
         if !lent.is_empty() {
-            for i in lent {
+            for &i in &lent {
                 kinds[i] = Cell::Patient;
             }
             core = self::core(&cells, &kinds)?;
@@ -92,6 +92,10 @@ impl Patient {
         let reach = cells.squared(BALL_MM + SKIN_MM);
         let near = squared_distance(cells.shape, reach, |i| core[i]);
         drop(core);
+        // What is thin there is the holder where it is not seen apart.
+        for i in lent.into_iter().filter(|&i| near[i] == u16::MAX) {
+            kinds[i] = Cell::Other;
+        }
         let mut patient = Self { survey, kinds, near_foreign: Vec::new(), pieces, own };
         let open = Open::find(&patient);
         sheets::peel(space, levels, &patient.survey.cells, &mut patient.kinds, |i| open.is_open(i));
@@ -254,4 +258,18 @@ fn owner(space: &Space, pieces: &Pieces, own: &[bool], centre: Vec3, edge: f64) 
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_a_couch_only_what_is_seen_apart_is_given_back() {
+        let marked: Vec<usize> = (0..100).collect();
+        let some = lent(&marked, |i| if i < 20 { Cell::Patient } else { Cell::Other });
+        assert_eq!(some, (0..20).collect::<Vec<_>>());
+        let one_piece = lent(&marked, |i| if i < 90 { Cell::Patient } else { Cell::Other });
+        assert!(one_piece.is_empty(), "the couch itself: {one_piece:?}");
+    }
 }

@@ -1,6 +1,6 @@
 //! The whole profile on phantoms whose skin is known.
 
-use super::{Doubt, NoSkin, QualityLimits, Skin, Verdict, reconstruct};
+use super::{Doubt, NoSkin, QualityLimits, Skin, StretchReason, Verdict, reconstruct};
 use crate::geometry::{Plane, dot};
 use crate::phantom::{Options, Phantom};
 use crate::pipeline::Silent;
@@ -166,6 +166,31 @@ fn a_head_cut_by_the_first_slice_is_limited() {
     let quality = skin.expect("a head").quality;
     assert_eq!(quality.verdict, Verdict::Limited);
     assert!(quality.doubts.contains(&Doubt::CutAbove), "{:?}", quality.doubts);
+}
+
+/// A scanner's field of view is a circle; here one that cuts 6 mm off the nose.
+#[test]
+fn what_the_field_of_view_cuts_is_no_skin_and_the_head_is_limited() {
+    let phantom = Phantom::new(options()).expect("the options are in range");
+    let truth = phantom.skin_points(3.0);
+    let front = truth.iter().map(|t| t[1]).fold(f64::MAX, f64::min);
+    for fill in [-1024, -2000] {
+        let mut volume = phantom.volume();
+        for ((z, y, x), hu) in volume.hu.indexed_iter_mut() {
+            let p = volume.grid.lps([z, y, x]);
+            if p[0].hypot(p[1]) > -front - 6.0 {
+                *hu = fill;
+            }
+        }
+        let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
+        let quality = &skin.quality;
+        assert_eq!(quality.verdict, Verdict::Limited);
+        assert!(quality.doubts.contains(&Doubt::CutAtSide), "{:?}", quality.doubts);
+        let stray = errors(&phantom, &skin).into_iter().filter(|e| *e < -2.0).count();
+        assert_eq!(stray, 0, "points where the field of view ends, filled with {fill}");
+        let missing = quality.missing.iter().filter(|m| m.reason == StretchReason::FieldOfView);
+        assert!(missing.map(|m| m.area_cm2).sum::<f64>() > 3.0, "{:?}", quality.missing);
+    }
 }
 
 #[test]
