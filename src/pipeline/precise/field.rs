@@ -11,8 +11,9 @@ use super::space::Space;
 
 /// A border no more voxels than this from what was filled is none that was measured.
 pub(super) const RIM: usize = 2;
-/// Air that scatters less than this shows one value itself, HU.
-const LEAST_NOISE: f32 = 1.0;
+/// Air that scatters less than this can show one value itself: a phantom without noise, a scan whose
+/// air is clipped at the lowest value, HU.
+const LEAST_NOISE: f32 = 3.0;
 /// And that value is the air's, within so much, HU.
 const AS_AIR: f32 = 8.0;
 

@@ -76,7 +76,8 @@ fn despike(histogram: &mut [u64]) {
     }
 }
 
-/// The most frequent value of a range, HU, smoothed over ±4 HU.
+/// The most frequent value of a range, HU, smoothed over ±4 HU; where one value alone has most of
+/// them, that one.
 #[derive(Debug, Clone, Copy)]
 struct Peak {
     at: i32,
@@ -87,7 +88,10 @@ fn peak(histogram: &[u64], [from, to]: [i32; 2]) -> Option<Peak> {
     let at = |v: i32| histogram[(v - LOWEST) as usize];
     let smooth = |v: i32| (v - 4..=v + 4).map(at).sum::<u64>();
     let highest = (from..to).map(|at| Peak { at, count: smooth(at) }).max_by_key(|p| p.count);
-    highest.filter(|p| p.count > 0)
+    let highest = highest.filter(|p| p.count > 0)?;
+    // Air without noise is as frequent anywhere within 4 HU of its one value.
+    let alone = (highest.at - 4..=highest.at + 4).find(|&v| 2 * at(v) > highest.count);
+    Some(Peak { at: alone.unwrap_or(highest.at), ..highest })
 }
 
 /// Standard deviation of the values below a peak, mirrored (structure lies above it).
@@ -121,5 +125,12 @@ mod tests {
         filled[(-1024 - LOWEST) as usize] += 500_000;
         despike(&mut filled);
         assert_eq!(peak(&filled, AIR).expect("air").at, -1000);
+    }
+
+    #[test]
+    fn air_without_noise_is_its_one_value() {
+        let still = histogram(&[(-1000, 500_000), (-995, 20)]);
+        assert_eq!(peak(&still, AIR).expect("air").at, -1000);
+        assert!(spread(&still, -1000) < f32::EPSILON);
     }
 }

@@ -59,6 +59,15 @@ fn the_skin_lies_in_its_true_place() {
     );
 }
 
+/// Air without noise has one value, as what lies outside the field of view.
+#[test]
+fn a_scan_without_noise_is_not_taken_for_one_that_was_filled() {
+    let (_, skin) = run(Options { noise_hu: 0.0, ..options() }, 1.0);
+    let quality = skin.expect("a head").quality;
+    assert_eq!((quality.cut_at_side_cm2, quality.cut_above_cm2), (0.0, 0.0));
+    assert!(!quality.missing.iter().any(|m| m.reason == StretchReason::FieldOfView), "{:?}", quality.missing);
+}
+
 /// The air between skin and border is too narrow there for the ball that looks for the outside.
 #[test]
 fn skin_next_to_the_border_of_the_image_is_found() {
