@@ -23,6 +23,7 @@ const STRETCHES: [(&str, Rgb<u8>); StretchReason::ALL.len()] = [
     ("orange", Rgb([255, 150, 0])),
     ("blue", Rgb([70, 130, 255])),
     ("magenta", Rgb([255, 0, 255])),
+    ("yellow", Rgb([255, 255, 0])),
 ];
 /// HU shown black and white: the soft tissue that the paper's mask looks for, and some more.
 const WINDOW: (f32, f32) = (-400.0, 400.0);

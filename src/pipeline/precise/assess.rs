@@ -43,7 +43,7 @@ impl Areas {
         }
         for d in doubtful {
             // A canal is no skin, and a foreign body's border none of the patient's.
-            if matches!(d.reason, StretchReason::Touching | StretchReason::FieldOfView)
+            if !matches!(d.reason, StretchReason::Foreign | StretchReason::Canal)
                 && let Some(side) = side(d.place)
             {
                 areas.missing[side][d.reason as usize] += share_of_skin(space, d.axis, d.normal);

@@ -7,8 +7,10 @@
 
 use rayon::prelude::*;
 
+use super::candidates::Doubtful;
 use super::crossings::Crossing;
 use super::space::Space;
+use super::stretches::StretchReason;
 use crate::geometry::{Plane, PlaneSet, Vec3, add, dot, norm, normalised, scale};
 
 /// Slices nearer than this need no help, mm.
@@ -16,7 +18,8 @@ const NEAR_MM: f64 = 1.25;
 /// A line across the slices that has fewer voxels than this for the edge (in standard deviations
 /// from one to the next) does not resolve it.
 pub(super) const UNRESOLVED: f64 = 2.0;
-/// A point whose expected error is larger than this is dropped, mm.
+/// Skin that only one of two slices shows, and that lies so far from it at most, is not accepted, mm
+/// along the normal.
 const DOUBTFUL_MM: f64 = 1.0;
 /// Images between two slices are made this far apart at most, mm.
 const STEP_MM: f64 = 0.8;
@@ -27,36 +30,80 @@ const FLATTEST: f64 = 4.0;
 /// cosine.
 const ACROSS: f64 = 0.8;
 
-/// Adds the skin between slices that lie far apart, and drops what the lines across them could not
-/// resolve.
-pub(super) fn fill(space: &Space, crossings: Vec<Crossing>) -> Vec<Crossing> {
-    let axis = space.slice_axis();
-    let gaps: Vec<f64> =
-        (0..space.shape[axis] - 1).map(|k| dot(space.step_at(axis, k), space.slice_normal()).abs()).collect();
-    if gaps.iter().all(|&g| g < NEAR_MM) {
-        return crossings;
+/// What the slices tell of the skin between them.
+pub(super) struct Between {
+    /// From each slice to the next, mm.
+    gaps: Vec<f64>,
+    contours: Contours,
+}
+
+impl Between {
+    /// `None` where the slices lie so close that they need no help.
+    pub(super) fn of(space: &Space, crossings: &[Crossing]) -> Option<Self> {
+        let axis = space.slice_axis();
+        let gaps: Vec<f64> = (0..space.shape[axis] - 1)
+            .map(|k| dot(space.step_at(axis, k), space.slice_normal()).abs())
+            .collect();
+        if gaps.iter().all(|&g| g < NEAR_MM) {
+            return None;
+        }
+        let contours = Contours::of(space, &gaps, crossings)?;
+        Some(Self { gaps, contours })
     }
-    let Some(contours) = Contours::of(space, &gaps, &crossings) else { return crossings };
-    let mut made: Vec<Vec<Crossing>> = gaps
-        .par_iter()
-        .enumerate()
-        .map(|(k, &gap)| if gap < NEAR_MM { Vec::new() } else { contours.between(space, k, gap) })
-        .collect();
-    let mut all: Vec<Crossing> = crossings
-        .into_iter()
-        .filter_map(|c| {
-            if usize::from(c.axis) != axis || c.coarseness < UNRESOLVED {
+
+    /// Takes out what nobody can place: only one slice shows the skin, and it lies anywhere up to the
+    /// other.
+    pub(super) fn reject(&self, space: &Space, crossings: &mut Vec<Crossing>) -> Vec<Doubtful> {
+        let mut doubtful = Vec::new();
+        crossings.retain(|c| {
+            let error = self.error(space, c);
+            let accepted =
+                !unresolved(space, c) || error <= DOUBTFUL_MM || self.contours.knows(space, c.place);
+            if !accepted {
+                doubtful.push(Doubtful {
+                    place: c.place,
+                    normal: c.normal,
+                    axis: c.axis,
+                    inner: space.index(c.place).map(|v| v.round() as u16),
+                    reason: StretchReason::Unresolved,
+                    measured: error,
+                    limit: DOUBTFUL_MM,
+                });
+            }
+            accepted
+        });
+        doubtful
+    }
+
+    /// Adds the skin between slices that lie far apart, and drops what the lines across them do not
+    /// resolve where the contours know better.
+    pub(super) fn fill(&self, space: &Space, crossings: Vec<Crossing>) -> Vec<Crossing> {
+        let made: Vec<Vec<Crossing>> = self
+            .gaps
+            .par_iter()
+            .enumerate()
+            .map(|(k, &gap)| if gap < NEAR_MM { Vec::new() } else { self.contours.between(space, k, gap) })
+            .collect();
+        let seen = crossings.into_iter().filter_map(|c| {
+            if !unresolved(space, &c) {
                 return Some(c);
             }
-            // Next to the crown only one slice shows the skin: it lies anywhere up to the other.
-            let k = space.index(c.place)[axis].max(0.0) as usize;
-            let error =
-                gaps[k.min(gaps.len() - 1)] / 12f64.sqrt() * dot(c.normal, space.slice_normal()).abs();
-            (error <= DOUBTFUL_MM && !contours.knows(space, c.place)).then_some(Crossing { error, ..c })
-        })
-        .collect();
-    made.iter_mut().for_each(|m| all.append(m));
-    all
+            let error = self.error(space, &c);
+            (!self.contours.knows(space, c.place)).then_some(Crossing { error, ..c })
+        });
+        seen.chain(made.into_iter().flatten()).collect()
+    }
+
+    /// The standard deviation along the normal of what lies anywhere between two slices, mm.
+    fn error(&self, space: &Space, c: &Crossing) -> f64 {
+        let k = space.index(c.place)[space.slice_axis()].max(0.0) as usize;
+        self.gaps[k.min(self.gaps.len() - 1)] / 12f64.sqrt() * dot(c.normal, space.slice_normal()).abs()
+    }
+}
+
+/// Whether a crossing lies on a line across the slices that does not resolve the edge.
+fn unresolved(space: &Space, c: &Crossing) -> bool {
+    usize::from(c.axis) == space.slice_axis() && c.coarseness >= UNRESOLVED
 }
 
 /// A point of a slice's contour: place and normal in the slice, mm.

@@ -4,11 +4,13 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
-use super::candidates::Candidate;
+use super::candidates::{Candidate, Doubtful};
 use super::edge::{self, Profile};
+use super::field;
 use super::levels::Levels;
 use super::regions::{Regions, median};
 use super::space::Space;
+use super::stretches::StretchReason;
 use super::width::Width;
 use crate::geometry::{Axis, Plane, PlaneSet, Vec3, cross, dot, normalised};
 
@@ -35,21 +37,34 @@ pub(super) struct Crossing {
     pub(super) level: f64,
 }
 
-/// Measures each candidate.
+/// An edge that the fit puts further than this from the middle of its two voxels is not seen there,
+/// voxels.
+const FURTHEST: f64 = 2.0;
+
+/// Measures each candidate; and those whose edge is not seen where it should be.
 pub(super) fn measure(
     space: &Space,
     levels: &Levels,
     width: &Width,
     regions: &Regions,
     candidates: &[Candidate],
-) -> Vec<Crossing> {
+) -> (Vec<Crossing>, Vec<Doubtful>) {
     let steep = Steep::new(space);
     let usual_air = median((0..candidates.len()).map(|i| regions.levels(i).1));
     let usual_decline = median(candidates.iter().map(|c| c.decline));
-    candidates
+    let found: Vec<Result<Crossing, Doubtful>> = candidates
         .par_iter()
         .enumerate()
-        .filter_map(|(i, c)| {
+        .map(|(i, c)| {
+            let doubt = |reason, measured, limit| Doubtful {
+                place: c.place,
+                normal: c.normal,
+                axis: c.axis,
+                inner: c.inner,
+                reason,
+                measured,
+                limit,
+            };
             let (tissue, air) = regions.levels(i);
             let contrast = f64::from(tissue - air);
             let step = space.mean_step(usize::from(c.axis));
@@ -61,17 +76,22 @@ pub(super) fn measure(
                 noise: f64::from(levels.noise) / contrast,
             };
             let edge = edge::fit(&profile);
-            if !(-1.5..=2.5).contains(&edge.place) {
-                return None;
+            let off = (edge.place - 0.5).abs();
+            if off > FURTHEST {
+                return Err(doubt(StretchReason::Unresolved, off * across, FURTHEST * across));
             }
             let mut index = c.inner.map(f64::from);
             let axis = usize::from(c.axis);
             index[axis] += if c.ascending { edge.place } else { -edge.place };
             // Beyond the first and the last voxel nothing was measured.
             if !(0.0..=(space.shape[axis] - 1) as f64).contains(&index[axis]) {
-                return None;
+                return Err(doubt(
+                    StretchReason::FieldOfView,
+                    0.0,
+                    field::RIM as f64 * space.largest_pixel(),
+                ));
             }
-            Some(Crossing {
+            Ok(Crossing {
                 place: space.lps(index),
                 normal: c.normal,
                 planes: steep.planes(c.axis, c.normal),
@@ -83,7 +103,15 @@ pub(super) fn measure(
                     / contrast,
             })
         })
-        .collect()
+        .collect();
+    let (mut measured, mut doubtful) = (Vec::with_capacity(found.len()), Vec::new());
+    for one in found {
+        match one {
+            Ok(crossing) => measured.push(crossing),
+            Err(doubt) => doubtful.push(doubt),
+        }
+    }
+    (measured, doubtful)
 }
 
 /// Six voxels along the line, from the tissue to the air; the candidate's two in the middle.

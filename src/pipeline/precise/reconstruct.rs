@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use super::agreement::{Agreement, Neighbourhood};
 use super::assess::Areas;
-use super::candidates::{self, Candidate, Doubtful};
+use super::between::Between;
+use super::candidates::{self, Doubtful};
 use super::confidence::Confidence;
 use super::crossings::{self, Crossing};
 use super::field::Field;
@@ -19,7 +20,7 @@ use super::skin::{BorderPoint, NoSkin, Skin, SkinPoint};
 use super::space::Space;
 use super::stretches::rows;
 use super::width::Width;
-use super::{assess, between, leaves, order, plateau};
+use super::{assess, leaves, order, plateau};
 use crate::dicom::Volume;
 use crate::geometry::{Plane, PlaneSet, Vec3};
 use crate::pipeline::{Observer, Stage};
@@ -53,7 +54,7 @@ pub fn reconstruct(
     }
     let outside = Outside::find(&patient);
     go_on(Stage::Outside, 1.0)?;
-    let (mut candidates, doubtful) = candidates::find(&space, &levels, &field, &patient, &outside);
+    let (mut candidates, mut doubtful) = candidates::find(&space, &levels, &field, &patient, &outside);
     drop(outside);
     if candidates.is_empty() {
         return Err(NoSkin::NoBorder);
@@ -63,14 +64,22 @@ pub fn reconstruct(
     let width = Width::of(&space, &candidates, &rough);
     plateau::refine_levels(&space, &width, &rough, &mut candidates);
     let regions = Regions::of(&candidates, &levels);
-    let measured = crossings::measure(&space, &levels, &width, &regions, &candidates);
-    let slices = rows(&space, &candidates, &doubtful);
-    let border = border(&space, &candidates, &doubtful);
+    let (mut measured, unclear) = crossings::measure(&space, &levels, &width, &regions, &candidates);
     drop(candidates);
+    doubtful.extend(unclear);
+    let between = Between::of(&space, &measured);
+    if let Some(between) = &between {
+        doubtful.extend(between.reject(&space, &mut measured));
+    }
+    let slices = rows(&space, &measured, &doubtful);
+    let border = border(&space, &measured, &doubtful);
     go_on(Stage::Crossings, 1.0)?;
     let areas = Areas::of(&space, &patient, &head, &measured, &doubtful);
     drop((patient, doubtful));
-    let all = between::fill(&space, measured);
+    let all = match between {
+        Some(between) => between.fill(&space, measured),
+        None => measured,
+    };
     go_on(Stage::Downsampling, 0.0)?;
     let clouds = Clouds::of(&space, &width, &all, leaf_mm);
     let quality = assess::quality(&space, &levels, &width, &head, &areas, &all, &clouds.agreements);
@@ -81,7 +90,7 @@ pub fn reconstruct(
 }
 
 /// The crossings as they lie in the slices.
-fn border(space: &Space, candidates: &[Candidate], doubtful: &[Doubtful]) -> Vec<BorderPoint> {
+fn border(space: &Space, measured: &[Crossing], doubtful: &[Doubtful]) -> Vec<BorderPoint> {
     let point = |place: Vec3, axis: u8, reason| {
         let mut index = space.index(place);
         for (a, v) in index.iter_mut().enumerate().filter(|(a, _)| *a != usize::from(axis)) {
@@ -90,7 +99,7 @@ fn border(space: &Space, candidates: &[Candidate], doubtful: &[Doubtful]) -> Vec
         }
         BorderPoint { index: index.map(|v| v as f32), axis, reason }
     };
-    let accepted = candidates.par_iter().map(|c| point(c.place, c.axis, None));
+    let accepted = measured.par_iter().map(|c| point(c.place, c.axis, None));
     accepted.chain(doubtful.par_iter().map(|d| point(d.place, d.axis, Some(d.reason)))).collect()
 }
 

@@ -6,7 +6,8 @@ use std::collections::{BTreeMap, HashMap};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::candidates::{Candidate, Doubtful};
+use super::candidates::Doubtful;
+use super::crossings::Crossing;
 use super::space::Space;
 use crate::geometry::{Plane, Vec3, dot, norm, sub};
 
@@ -25,11 +26,15 @@ pub enum StretchReason {
     FieldOfView,
     /// The rim of a nostril, an ear canal or the mouth: behind it is inside.
     Canal,
+    /// The voxels do not tell where exactly the skin is: only one of two slices that lie far apart
+    /// shows it, or no edge is seen.
+    Unresolved,
 }
 
 impl StretchReason {
     /// All reasons.
-    pub const ALL: [Self; 4] = [Self::Foreign, Self::Touching, Self::FieldOfView, Self::Canal];
+    pub const ALL: [Self; 5] =
+        [Self::Foreign, Self::Touching, Self::FieldOfView, Self::Canal, Self::Unresolved];
 
     /// The one name in report, metrics and documentation.
     #[must_use]
@@ -39,6 +44,7 @@ impl StretchReason {
             Self::Touching => "touching",
             Self::FieldOfView => "field_of_view",
             Self::Canal => "canal",
+            Self::Unresolved => "unresolved",
         }
     }
 }
@@ -51,7 +57,7 @@ pub struct Stretch {
     /// Its length along the contour, mm.
     pub length_mm: f64,
     /// What was measured where it was measured worst: mm to the other body, to the canal or to the end
-    /// of the field of view.
+    /// of the field of view; how far off the skin could be, mm (`unresolved`).
     pub measured: f64,
     /// The limit it was held against, in the same unit.
     pub limit: f64,
@@ -74,12 +80,14 @@ pub struct SliceContour {
 const APART: f64 = 2.5;
 
 /// A row for every slice that shows any contour: axial, then sagittal, then coronal, by index.
-pub(super) fn rows(space: &Space, candidates: &[Candidate], doubtful: &[Doubtful]) -> Vec<SliceContour> {
+pub(super) fn rows(space: &Space, measured: &[Crossing], doubtful: &[Doubtful]) -> Vec<SliceContour> {
     let mut accepted: BTreeMap<(Plane, u16), f64> = BTreeMap::new();
     let mut rejected: BTreeMap<(Plane, u16), Vec<&Doubtful>> = BTreeMap::new();
-    for c in candidates {
+    for c in measured {
+        let index = space.index(c.place);
         for plane in planes_of(c.axis) {
-            *accepted.entry((plane, c.inner[across(plane)])).or_default() += length(space, plane, c.normal);
+            *accepted.entry((plane, index[across(plane)].round() as u16)).or_default() +=
+                length(space, plane, c.normal);
         }
     }
     for d in doubtful {
@@ -162,12 +170,16 @@ fn stretches(space: &Space, plane: Plane, rejected: &[&Doubtful]) -> Vec<Stretch
                 }
             }
         }
-        let measured = chain.iter().map(|&i| rejected[i].measured).fold(f64::INFINITY, f64::min);
+        // What is near is worse, but of what could be far off.
+        let sign = if reason == StretchReason::Unresolved { -1.0 } else { 1.0 };
+        let badness = |d: &&Doubtful| sign * d.measured;
+        let of_chain = chain.iter().map(|&i| rejected[i]);
+        let worst = of_chain.min_by(|a, b| badness(a).total_cmp(&badness(b))).unwrap_or(rejected[first]);
         found.push(Stretch {
             reason,
             length_mm: chain.iter().map(|&i| length(space, plane, rejected[i].normal)).sum(),
-            measured,
-            limit: rejected[first].limit,
+            measured: worst.measured,
+            limit: worst.limit,
         });
     }
     found

@@ -59,6 +59,26 @@ fn the_skin_lies_in_its_true_place() {
     );
 }
 
+/// Where slices lie 4 mm apart the vertex shows in one of them alone.
+#[test]
+fn what_no_two_slices_show_is_rejected_with_its_reason() {
+    let (_, skin) = run(Options { slices: 46, slice_mm: 4.0, ..options() }, 1.0);
+    let skin = skin.expect("a head");
+    let unresolved = |reason| reason == StretchReason::Unresolved;
+    let missing: f64 = skin.quality.missing.iter().filter(|m| unresolved(m.reason)).map(|m| m.area_cm2).sum();
+    assert!((1.0..60.0).contains(&missing), "{:?}", skin.quality.missing);
+    let stretches: Vec<_> = skin
+        .slices
+        .iter()
+        .flat_map(|slice| slice.rejected.iter().map(move |stretch| (slice.plane, stretch)))
+        .filter(|(_, stretch)| unresolved(stretch.reason))
+        .collect();
+    for plane in [Plane::Sagittal, Plane::Coronal] {
+        assert!(stretches.iter().any(|s| s.0 == plane), "no {plane:?} slice tells it");
+    }
+    assert!(stretches.iter().all(|(_, s)| s.measured > s.limit && s.limit > 0.0), "{stretches:?}");
+}
+
 /// Air without noise has one value, as what lies outside the field of view.
 #[test]
 fn a_scan_without_noise_is_not_taken_for_one_that_was_filled() {
