@@ -18,8 +18,8 @@ const NEAR_MM: f64 = 1.25;
 /// A line across the slices that has fewer voxels than this for the edge (in standard deviations
 /// from one to the next) does not resolve it.
 pub(super) const UNRESOLVED: f64 = 2.0;
-/// Skin that only one of two slices shows, and that lies so far from it at most, is not accepted, mm
-/// along the normal.
+/// Skin that only one of two slices shows is not accepted where its expected error along the normal
+/// is larger than this, mm.
 const DOUBTFUL_MM: f64 = 1.0;
 /// Images between two slices are made this far apart at most, mm.
 const STEP_MM: f64 = 0.8;
