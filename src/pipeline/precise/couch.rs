@@ -1,6 +1,7 @@
 //! The couch and what else has the same cross-section in every slice: boards, holders, rails.
 
-use super::patient::Cell;
+use super::distance::squared_distance;
+use super::patient::{BALL_MM, Cell};
 use super::survey::Survey;
 
 /// A column along the table counts as filled if this share of it is.
@@ -12,9 +13,17 @@ const FREE_BORDER: f64 = 0.5;
 /// Shorter scans than this show too little of the table to tell, mm.
 const LEAST_LENGTH_MM: f64 = 60.0;
 
-/// Marks as [`Cell::Other`] the tissue that runs along the whole scan parallel to the table. The
-/// cells of each outline so marked.
-pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) -> Vec<Vec<usize>> {
+/// What has the same cross-section along the whole scan.
+#[derive(Debug, PartialEq)]
+pub(super) struct Outline {
+    /// Its cells.
+    pub(super) cells: Vec<usize>,
+    /// Whether its cross-section is too thin for the ball that finds the patient's body.
+    pub(super) thin: bool,
+}
+
+/// Marks as [`Cell::Other`] the tissue that runs along the whole scan parallel to the table.
+pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) -> Vec<Outline> {
     let cells = &survey.cells;
     let [nx, ny, nz] = cells.shape;
     let layer = nx * ny;
@@ -31,6 +40,7 @@ pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) -> Vec<Vec<usize>> {
     let share = |i: usize| f64::from(full[i]) / f64::from(seen[i].max(1));
     let filled: Vec<bool> = (0..layer).map(|i| long(i) && share(i) >= SHARE).collect();
     let emptiness = |i: usize| if long(i) { 1.0 - share(i) } else { 1.0 };
+    let inside = squared_distance([nx, ny, 1], cells.squared(BALL_MM), |i| !filled[i]);
     let mut marked = Vec::new();
     for outline in outlines(nx, ny, &filled) {
         let (mut border, mut free) = (0usize, 0f64);
@@ -51,12 +61,13 @@ pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) -> Vec<Vec<usize>> {
         if free < FREE_BORDER * border as f64 {
             continue;
         }
+        let thin = outline.iter().all(|&i| inside[i] != u16::MAX);
         let columns = outline.into_iter().flat_map(|i| (0..nz).map(move |z| z * layer + i));
         let found: Vec<usize> = columns.filter(|&i| kinds[i] == Cell::Patient).collect();
         for &i in &found {
             kinds[i] = Cell::Other;
         }
-        marked.push(found);
+        marked.push(Outline { cells: found, thin });
     }
     marked
 }

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::couch;
+use super::couch::{self, Outline};
 use super::crop;
 use super::distance::squared_distance;
 use super::enclosure::enclosure;
@@ -22,7 +22,7 @@ use crate::geometry::{Vec3, add, scale};
 /// Edge of the survey's cells, mm; larger where the patient is.
 const EDGE_MM: f64 = 1.0;
 /// A body must be thicker than twice this to count as the patient's own, mm.
-const BALL_MM: f64 = 5.0;
+pub(super) const BALL_MM: f64 = 5.0;
 /// What lies so close to the opened body belongs to it without further question, mm.
 const SKIN_MM: f64 = 1.5;
 /// A thin piece longer than this (diagonal of its box) is no ear, nose or jaw, mm.
@@ -77,7 +77,8 @@ impl Patient {
         let mut core = core(&cells, &kinds)?;
         let own = own_pieces(space, &pieces, &cells, &core);
         let owner = |i: usize| owner(space, &pieces, &own, cells.centre(cells.cell(i)), cells.edge);
-        let lent: Vec<usize> = couch.iter().flat_map(|marked| lent(marked, owner)).collect();
+        let thick = || opened(&cells, |i| kinds[i] != Cell::Air);
+        let lent = lent(&couch, owner, thick);
         if !lent.is_empty() {
             for &i in &lent {
                 kinds[i] = Cell::Patient;
@@ -204,12 +205,36 @@ fn own_pieces(space: &Space, pieces: &Pieces, cells: &Cells, core: &[bool]) -> V
     own
 }
 
-/// Of the cells of a couch's outline those that are the patient's: where the head leans over a holder
-/// that is seen apart from it. Where both are one piece nobody can tell.
-fn lent(marked: &[usize], owner: impl Fn(usize) -> Cell + Sync) -> Vec<usize> {
-    let own: Vec<usize> = marked.par_iter().copied().filter(|&i| owner(i) == Cell::Patient).collect();
-    let seen_apart = own.len() as f64 <= LENT * marked.len() as f64;
-    if seen_apart { own } else { Vec::new() }
+/// Of the cells of the couch's outlines those that are the patient's: where the head leans over a
+/// holder that is seen apart from it, and where `thick` tissue lies in the outline of one that is thin.
+fn lent(
+    couch: &[Outline],
+    owner: impl Fn(usize) -> Cell + Sync,
+    thick: impl FnOnce() -> Vec<bool>,
+) -> Vec<usize> {
+    let (mut lent, mut in_one) = (Vec::new(), Vec::new());
+    for outline in couch {
+        let cells = outline.cells.par_iter().copied();
+        let own: Vec<usize> = cells.filter(|&i| owner(i) == Cell::Patient).collect();
+        if own.len() as f64 <= LENT * outline.cells.len() as f64 {
+            lent.extend(own);
+        } else if outline.thin {
+            in_one.extend(own);
+        }
+    }
+    if !in_one.is_empty() {
+        let thick = thick();
+        lent.extend(in_one.into_iter().filter(|&i| thick[i]));
+    }
+    lent
+}
+
+/// The cells of what is thick: solid cells that a ball in solid cells reaches.
+fn opened(cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
+    let reach = cells.squared(BALL_MM);
+    let depth = squared_distance(cells.shape, reach, |i| !solid(i));
+    let near = squared_distance(cells.shape, reach, |i| depth[i] == u16::MAX);
+    near.into_iter().map(|d| d != u16::MAX).collect()
 }
 
 /// The cells with tissue in their middle, as if all of it were the patient's.
@@ -265,11 +290,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_a_couch_only_what_is_seen_apart_is_given_back() {
-        let marked: Vec<usize> = (0..100).collect();
-        let some = lent(&marked, |i| if i < 20 { Cell::Patient } else { Cell::Other });
+    fn of_a_couch_only_what_is_seen_apart_or_thick_in_a_thin_outline_is_given_back() {
+        let outline = |thin| [Outline { cells: (0..100).collect(), thin }];
+        let thick = || (0..100).map(|i| (10..30).contains(&i)).collect();
+        let some = lent(&outline(false), |i| if i < 20 { Cell::Patient } else { Cell::Other }, thick);
         assert_eq!(some, (0..20).collect::<Vec<_>>());
-        let one_piece = lent(&marked, |i| if i < 90 { Cell::Patient } else { Cell::Other });
-        assert!(one_piece.is_empty(), "the couch itself: {one_piece:?}");
+        let in_one = |i| if i < 90 { Cell::Patient } else { Cell::Other };
+        let couch = lent(&outline(false), in_one, thick);
+        assert!(couch.is_empty(), "the couch itself: {couch:?}");
+        assert_eq!(lent(&outline(true), in_one, thick), (10..30).collect::<Vec<_>>());
     }
 }
