@@ -19,6 +19,8 @@ pub(super) struct Width {
 const COUNTED: [f64; 2] = [0.06, 0.80];
 /// No edge is narrower, mm.
 const LEAST_MM: f64 = 0.2;
+/// No slope goes further from its middle, mm.
+const FURTHEST_MM: f64 = 3.0;
 /// Where no line tells, mm.
 const USUAL_MM: f64 = 0.6;
 /// Its width in standard deviations.
@@ -38,11 +40,7 @@ impl Width {
             }
             let (tissue, air) = regions.levels(i);
             let length = dot(c.normal, space.step_at(axis, usize::from(c.inner[axis]))).abs();
-            let on_slope = super::crossings::profile(space, c)
-                .iter()
-                .map(|v| f64::from(v - air) / f64::from(tissue - air))
-                .filter(|share| (COUNTED[0]..COUNTED[1]).contains(share))
-                .count();
+            let on_slope = voxels_on_slope(space, c, length, tissue, air);
             sums[axis][0] += length * on_slope as f64;
             sums[axis][1] += 1.0;
         }
@@ -79,4 +77,21 @@ impl Width {
     pub(super) fn along(&self, n: Vec3) -> f64 {
         (0..3).map(|a| (self.along[a] * dot(n, self.units[a])).powi(2)).sum::<f64>().sqrt()
     }
+}
+
+/// How many voxels of a candidate's line, each so many mm deep, lie on the slope of its edge.
+fn voxels_on_slope(space: &Space, c: &Candidate, depth: f64, tissue: f32, air: f32) -> usize {
+    let axis = usize::from(c.axis);
+    let inner = c.inner.map(usize::from);
+    let reach = (FURTHEST_MM / depth) as isize;
+    let share = |outward: isize| {
+        let mut at = inner;
+        at[axis] = inner[axis].checked_add_signed(if c.ascending { outward } else { -outward })?;
+        let v = (at[axis] < space.shape[axis]).then(|| space.voxel(at))?;
+        Some(f64::from(v - air) / f64::from(tissue - air))
+    };
+    let outside = (1..=reach).map_while(share).take_while(|&s| s >= COUNTED[0]);
+    let inside = (0..reach).map_while(|n| share(-n)).take_while(|&s| s < COUNTED[1]);
+    let on_slope = |s: &f64| (COUNTED[0]..COUNTED[1]).contains(s);
+    outside.filter(on_slope).count() + inside.filter(on_slope).count()
 }
