@@ -40,7 +40,7 @@ impl Width {
             }
             let (tissue, air) = regions.levels(i);
             let length = dot(c.normal, space.step_at(axis, usize::from(c.inner[axis]))).abs();
-            let on_slope = voxels_on_slope(space, c, length, tissue, air);
+            let Some(on_slope) = voxels_on_slope(space, c, length, tissue, air) else { continue };
             sums[axis][0] += length * on_slope as f64;
             sums[axis][1] += 1.0;
         }
@@ -79,8 +79,9 @@ impl Width {
     }
 }
 
-/// How many voxels of a candidate's line, each so many mm deep, lie on the slope of its edge.
-fn voxels_on_slope(space: &Space, c: &Candidate, depth: f64, tissue: f32, air: f32) -> usize {
+/// How many voxels of a candidate's line, each so many mm deep, lie on the slope of its edge; `None`
+/// where the slope does not end in air, but at a mask, say.
+fn voxels_on_slope(space: &Space, c: &Candidate, depth: f64, tissue: f32, air: f32) -> Option<usize> {
     let axis = usize::from(c.axis);
     let inner = c.inner.map(usize::from);
     let reach = (FURTHEST_MM / depth) as isize;
@@ -90,8 +91,7 @@ fn voxels_on_slope(space: &Space, c: &Candidate, depth: f64, tissue: f32, air: f
         let v = (at[axis] < space.shape[axis]).then(|| space.voxel(at))?;
         Some(f64::from(v - air) / f64::from(tissue - air))
     };
-    let outside = (1..=reach).map_while(share).take_while(|&s| s >= COUNTED[0]);
+    let outside = (1..=reach).map_while(share).position(|s| s < COUNTED[0])?;
     let inside = (0..reach).map_while(|n| share(-n)).take_while(|&s| s < COUNTED[1]);
-    let on_slope = |s: &f64| (COUNTED[0]..COUNTED[1]).contains(s);
-    outside.filter(on_slope).count() + inside.filter(on_slope).count()
+    Some(outside + inside.count())
 }
