@@ -127,6 +127,7 @@ pub(super) fn quality(
         agreement_p95_mm: p95,
         sides: sides.into(),
         noise_hu: f64::from(levels.noise),
+        clipped_air: levels.clipped.is_some(),
         edge_in_plane_mm: width.in_plane(),
         edge_across_mm: width.across(),
         slice_mm: widest_gap(space),

@@ -74,6 +74,7 @@ pub(super) fn measure(
                 shares: profile(space, c).map(|v| f64::from(v - air) / contrast),
                 slope: across / sigma,
                 noise: f64::from(levels.noise) / contrast,
+                least_share: levels.least_share(tissue, air),
             };
             let edge = edge::fit(&profile);
             let off = (edge.place - 0.5).abs();

@@ -63,6 +63,8 @@ pub(super) struct Profile {
     pub(super) slope: f64,
     /// Standard deviation of a share.
     pub(super) noise: f64,
+    /// Lower shares tell nothing: the air was clipped.
+    pub(super) least_share: Option<f64>,
 }
 
 /// Where the edge is.
@@ -98,7 +100,7 @@ fn fit_of(profile: &Profile, reached: impl Fn(f64) -> bool) -> Edge {
     let mut sums = [0.0; 5];
     for (i, &share) in profile.shares.iter().enumerate() {
         let x = i as f64 - 2.0;
-        if i != 2 && i != 3 && !reached(x) {
+        if i != 2 && i != 3 && !reached(x) || profile.least_share.is_some_and(|least| share < least) {
             continue;
         }
         let u = probit(share.clamp(0.004, 0.996));
@@ -158,7 +160,7 @@ mod tests {
                     let x = i as f64 - 2.0;
                     normal((place - x) * voxels_per_sigma)
                 });
-                let found = fit(&Profile { shares, slope: voxels_per_sigma, noise: 0.01 });
+                let found = fit(&Profile { shares, slope: voxels_per_sigma, noise: 0.01, least_share: None });
                 let error = (found.place - place).abs();
                 assert!(error < 0.01, "edge at {place} found {error} voxels away at {voxels_per_sigma}");
             }

@@ -11,12 +11,6 @@ use super::space::Space;
 
 /// A border no more voxels than this from what was filled is none that was measured.
 pub(super) const RIM: usize = 2;
-/// Air that scatters less than this can show one value itself: a phantom without noise, a scan whose
-/// air is clipped at the lowest value, HU.
-const LEAST_NOISE: f32 = 3.0;
-/// And that value is the air's, within so much, HU.
-const AS_AIR: f32 = 8.0;
-
 /// How far every line of voxels is from one that holds nothing but the fill value.
 #[derive(Debug, Default)]
 pub(super) struct Field {
@@ -80,8 +74,7 @@ fn fill_value(space: &Space, levels: &Levels, axis: usize) -> Option<i16> {
     corners.into_iter().find_map(|[row, column]| {
         let (first, stride) = (start(space, axis, row, column), space.stride(axis));
         let value = space.hu[first];
-        let is_air = levels.noise <= LEAST_NOISE && (f32::from(value) - levels.air).abs() <= AS_AIR;
-        let is_fill = !is_air
+        let is_fill = !levels.is_still_air(f32::from(value))
             && f32::from(value) < levels.middle()
             && (1..space.shape[axis]).all(|i| space.hu[first + i * stride] == value);
         is_fill.then_some(value)

@@ -9,9 +9,31 @@ pub(super) struct Levels {
     pub(super) air: f32,
     /// Soft tissue.
     pub(super) tissue: f32,
-    /// Standard deviation in soft tissue and air, the larger.
+    /// Standard deviation in air; in soft tissue where the air is clipped.
     pub(super) noise: f32,
+    /// Set if the scan shows no measured air.
+    pub(super) clipped: Option<Clipped>,
 }
+
+/// Air of one value in a scan with noise: something filled it, and the foot of every edge with it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Clipped {
+    /// The value, HU.
+    pub(super) value: f32,
+    /// The lowest value that was left as measured, HU.
+    pub(super) foot: f32,
+}
+
+/// Air by the definition of the Hounsfield unit, for scans that show none (PS3.3 section C.11.1.1.2).
+const DEFINED_AIR: i32 = -1000;
+/// Soft tissue that scatters less comes with air that does not scatter either, HU.
+const LEAST_NOISE: f32 = 3.0;
+/// Noise of voxels so far apart is taken for independent, voxels.
+const APART: usize = 3;
+/// Voxels that differ from the tissue's level by more are none of it, HU.
+const TISSUE_REACH: f32 = 60.0;
+/// Values that edges alone have, HU; each is about as frequent as any other.
+const OF_EDGES: [i32; 2] = [-700, -300];
 
 /// Where air is looked for, HU.
 const AIR: [i32; 2] = [-1100, -850];
@@ -19,6 +41,8 @@ const AIR: [i32; 2] = [-1100, -850];
 const TISSUE: [i32; 2] = [-40, 140];
 /// Measured air is at least one voxel in so many of the most frequent value's.
 const LEAST_SHARE: u64 = 50;
+/// Air of a scan without noise is within so much of its level, HU.
+const AS_AIR: f32 = 8.0;
 const LOWEST: i32 = -1200;
 const HIGHEST: i32 = 400;
 
@@ -59,8 +83,30 @@ impl Levels {
         }
         let air = beside.unwrap_or(found).at;
         let tissue = peak(&histogram, TISSUE)?.at;
-        let noise = spread(&histogram, air).max(1.0);
-        Some(Self { air: air as f32, tissue: tissue.min(60) as f32, noise })
+        let (tissue, mut noise) = (tissue.min(60) as f32, spread(&histogram, air));
+        let mut clipped = None;
+        if noise < LEAST_NOISE {
+            let in_tissue = tissue_noise(space, tissue);
+            if in_tissue >= LEAST_NOISE {
+                noise = in_tissue;
+                clipped = Some(Clipped { value: air as f32, foot: foot(&histogram, air) as f32 });
+            }
+        }
+        let air = if clipped.is_some() { air.max(DEFINED_AIR) } else { air };
+        Some(Self { air: air as f32, tissue, noise: noise.max(1.0), clipped })
+    }
+
+    /// Whether a value can be that of air although the voxels all around have it too.
+    pub(super) fn is_still_air(&self, value: f32) -> bool {
+        match self.clipped {
+            Some(clipped) => value <= clipped.value.max(self.air),
+            None => self.noise <= LEAST_NOISE && (value - self.air).abs() <= AS_AIR,
+        }
+    }
+
+    /// The lowest share of tissue between these levels that was left as measured; `None` if all were.
+    pub(super) fn least_share(&self, tissue: f32, air: f32) -> Option<f64> {
+        self.clipped.map(|clipped| f64::from((clipped.foot - air) / (tissue - air)))
     }
 }
 
@@ -105,6 +151,32 @@ fn spread(histogram: &[u64], peak: i32) -> f32 {
     if n == 0 { 0.0 } else { (sum / n as f64).sqrt() as f32 }
 }
 
+/// Standard deviation in soft tissue, from the median difference of voxels on a line.
+fn tissue_noise(space: &Space, tissue: f32) -> f32 {
+    let row = space.shape[2];
+    let stride = (space.hu.len() / row / 8000).max(1);
+    let is_tissue = |v: i16| (f32::from(v) - tissue).abs() <= TISSUE_REACH;
+    let rows = space.hu.chunks_exact(row).step_by(stride);
+    let mut apart: Vec<i32> = rows
+        .flat_map(|row| row.iter().zip(row.iter().skip(APART)))
+        .filter(|(a, b)| is_tissue(**a) && is_tissue(**b))
+        .map(|(a, b)| (i32::from(*a) - i32::from(*b)).abs())
+        .collect();
+    if apart.is_empty() {
+        return 0.0;
+    }
+    let middle = apart.len() / 2;
+    // The median of a normal distribution's absolute value is 0.6745 standard deviations.
+    (f64::from(*apart.select_nth_unstable(middle).1) / 0.6745 / 2_f64.sqrt()) as f32
+}
+
+/// The lowest value above clipped air from which on there are about as many as on edges, HU.
+fn foot(histogram: &[u64], air: i32) -> i32 {
+    let count = |[from, to]: [i32; 2]| (from..to).map(|v| histogram[(v - LOWEST) as usize]).sum::<u64>();
+    let usual = count(OF_EDGES) as f64 / f64::from(OF_EDGES[1] - OF_EDGES[0]);
+    (air + 1..OF_EDGES[0]).find(|&v| count([v, v + 8]) as f64 >= 4.0 * usual).unwrap_or(air)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -125,6 +197,13 @@ mod tests {
         filled[(-1024 - LOWEST) as usize] += 500_000;
         despike(&mut filled);
         assert_eq!(peak(&filled, AIR).expect("air").at, -1000);
+    }
+
+    #[test]
+    fn edges_of_a_scan_with_clipped_air_begin_where_it_was_cut() {
+        let edges: Vec<(i32, u64)> =
+            (-900..0).map(|v| (v, 40)).chain([(-1000, 500_000), (-960, 3)]).collect();
+        assert_eq!(foot(&histogram(&edges), -1000), -904);
     }
 
     #[test]

@@ -31,6 +31,8 @@ pub enum Doubt {
     ThickSlices,
     /// Noise above the limit.
     Noise,
+    /// The scan shows no measured air: all of it has one value.
+    ClippedAir,
     /// Metal in or on the head.
     Metal,
     /// The patient moved between two slices, or the table did.
@@ -107,8 +109,12 @@ pub struct Quality {
     pub agreement_p95_mm: f64,
     /// The same side by side.
     pub sides: Vec<SideQuality>,
-    /// Noise in air, HU.
+    /// Noise in air, or in soft tissue where the air is clipped, HU.
     pub noise_hu: f64,
+    /// Whether all of the air has one value although the tissue has noise: something filled it, and the
+    /// foot of every edge with it.
+    #[serde(default)]
+    pub clipped_air: bool,
     /// Width of the edge (standard deviation) in the slices, mm.
     pub edge_in_plane_mm: f64,
     /// The same across the slices, mm.
@@ -163,6 +169,7 @@ impl Quality {
             (Doubt::CutAtSide, self.cut_at_side_cm2 > limits.cut_cm2),
             (Doubt::ThickSlices, self.slice_mm > limits.slice_mm),
             (Doubt::Noise, self.noise_hu > limits.noise_hu),
+            (Doubt::ClippedAir, self.clipped_air),
             (Doubt::Metal, self.metal_cm3 > limits.metal_cm3),
             (Doubt::Motion, self.motion_mm > limits.motion_mm),
             (Doubt::Coverage, self.coverage < limits.coverage),

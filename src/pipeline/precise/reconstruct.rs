@@ -61,7 +61,7 @@ pub fn reconstruct(
     }
     go_on(Stage::Crossings, 0.4)?;
     let rough = Regions::of(&candidates, &levels);
-    let width = Width::of(&space, &candidates, &rough);
+    let width = Width::of(&space, &levels, &candidates, &rough);
     plateau::refine_levels(&space, &width, &rough, &mut candidates);
     let regions = Regions::of(&candidates, &levels);
     let (mut measured, unclear) = crossings::measure(&space, &levels, &width, &regions, &candidates);

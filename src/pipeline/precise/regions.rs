@@ -42,9 +42,10 @@ impl Regions {
             .map(|m| {
                 let tissue = median(m.iter().map(|v| v.0));
                 let air = median(m.iter().map(|v| v.1));
+                let lowest = if levels.clipped.is_some() { 0.0 } else { AIR[0] };
                 (
                     tissue.clamp(levels.tissue + TISSUE[0], levels.tissue + TISSUE[1]),
-                    air.clamp(levels.air + AIR[0], levels.air + AIR[1]),
+                    air.clamp(levels.air + lowest, levels.air + AIR[1]),
                 )
             })
             .collect();

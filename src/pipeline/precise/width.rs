@@ -2,6 +2,8 @@
 //! volume. Which of them the slices were cut across does not matter.
 
 use super::candidates::Candidate;
+use super::edge::probit;
+use super::levels::Levels;
 use super::regions::Regions;
 use super::space::Space;
 use crate::geometry::{Vec3, dot, norm};
@@ -23,13 +25,11 @@ const LEAST_MM: f64 = 0.2;
 const FURTHEST_MM: f64 = 3.0;
 /// Where no line tells, mm.
 const USUAL_MM: f64 = 0.6;
-/// Its width in standard deviations.
-const SPAN: f64 = 0.841_621 + 1.554_774;
 
 impl Width {
     /// From the share of voxels that lie on the slope of the edge: however wide the voxels are,
     /// the mean length of that slope is the same.
-    pub(super) fn of(space: &Space, candidates: &[Candidate], regions: &Regions) -> Self {
+    pub(super) fn of(space: &Space, levels: &Levels, candidates: &[Candidate], regions: &Regions) -> Self {
         let mut sums = [[0.0; 2]; 3];
         for (i, c) in candidates.iter().enumerate() {
             let axis = usize::from(c.axis);
@@ -40,11 +40,13 @@ impl Width {
             }
             let (tissue, air) = regions.levels(i);
             let length = dot(c.normal, space.step_at(axis, usize::from(c.inner[axis]))).abs();
-            let Some(on_slope) = voxels_on_slope(space, c, length, tissue, air) else { continue };
-            sums[axis][0] += length * on_slope as f64;
+            let lowest = levels.least_share(tissue, air).map_or(COUNTED[0], |least| least.max(COUNTED[0]));
+            let counted = [lowest, COUNTED[1]];
+            let Some(on_slope) = voxels_on_slope(space, c, length, [tissue, air], counted) else { continue };
+            sums[axis][0] += length * on_slope as f64 / (probit(counted[1]) - probit(counted[0]));
             sums[axis][1] += 1.0;
         }
-        let mean = |[sum, n]: [f64; 2]| (n > 100.0).then(|| (sum / n / SPAN).max(LEAST_MM));
+        let mean = |[sum, n]: [f64; 2]| (n > 100.0).then(|| (sum / n).max(LEAST_MM));
         let found = sums.map(mean);
         let usual = found.iter().flatten().copied().reduce(f64::min).unwrap_or(USUAL_MM);
         Self {
@@ -81,7 +83,13 @@ impl Width {
 
 /// How many voxels of a candidate's line, each so many mm deep, lie on the slope of its edge; `None`
 /// where the slope does not end in air, but at a mask, say.
-fn voxels_on_slope(space: &Space, c: &Candidate, depth: f64, tissue: f32, air: f32) -> Option<usize> {
+fn voxels_on_slope(
+    space: &Space,
+    c: &Candidate,
+    depth: f64,
+    [tissue, air]: [f32; 2],
+    counted: [f64; 2],
+) -> Option<usize> {
     let axis = usize::from(c.axis);
     let inner = c.inner.map(usize::from);
     let reach = (FURTHEST_MM / depth) as isize;
@@ -91,7 +99,7 @@ fn voxels_on_slope(space: &Space, c: &Candidate, depth: f64, tissue: f32, air: f
         let v = (at[axis] < space.shape[axis]).then(|| space.voxel(at))?;
         Some(f64::from(v - air) / f64::from(tissue - air))
     };
-    let outside = (1..=reach).map_while(share).position(|s| s < COUNTED[0])?;
-    let inside = (0..reach).map_while(|n| share(-n)).take_while(|&s| s < COUNTED[1]);
+    let outside = (1..=reach).map_while(share).position(|s| s < counted[0])?;
+    let inside = (0..reach).map_while(|n| share(-n)).take_while(|&s| s < counted[1]);
     Some(outside + inside.count())
 }
