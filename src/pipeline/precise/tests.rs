@@ -88,6 +88,37 @@ fn a_scan_without_noise_is_not_taken_for_one_that_was_filled() {
     assert!(!quality.missing.iter().any(|m| m.reason == StretchReason::FieldOfView), "{:?}", quality.missing);
 }
 
+/// Archives set the air to one value, and the foot of every edge with it.
+#[test]
+fn clipped_air_is_told_and_moves_no_skin() {
+    for value in [-1000, -1024] {
+        let phantom = Phantom::new(options()).expect("the options are in range");
+        let mut volume = phantom.volume();
+        volume.hu.mapv_inplace(|v| if v < -900 { value } else { v });
+        let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
+        assert!(skin.quality.doubts.contains(&Doubt::ClippedAir), "{:?}", skin.quality.doubts);
+        assert!((skin.quality.noise_hu / options().noise_hu - 1.0).abs() < 0.25, "{}", skin.quality.noise_hu);
+        let near: Vec<f64> = errors(&phantom, &skin).into_iter().filter(|e| e.abs() < 3.0).collect();
+        let bias = near.iter().sum::<f64>() / near.len() as f64;
+        assert!(bias.abs() < 0.03, "bias {bias} mm with air at {value} HU");
+    }
+    let (_, plain) = run(options(), 1.0);
+    assert!(!plain.expect("a head").quality.clipped_air);
+}
+
+/// A soft kernel's edge reaches further than three voxels.
+#[test]
+fn a_wide_edge_is_measured_whole() {
+    let soft = Options { column_mm: 0.6, row_mm: 0.6, columns: 384, rows: 384, blur_mm: 1.0, ..options() };
+    let (phantom, skin) = run(soft, 1.0);
+    let skin = skin.expect("a head");
+    let width = skin.quality.edge_in_plane_mm;
+    assert!((0.88..1.1).contains(&width), "an edge of 1 mm is seen as {width} mm wide");
+    let near: Vec<f64> = errors(&phantom, &skin).into_iter().filter(|e| e.abs() < 3.0).collect();
+    let bias = near.iter().sum::<f64>() / near.len() as f64;
+    assert!(bias.abs() < 0.03, "bias {bias} mm");
+}
+
 /// The air between skin and border is too narrow there for the ball that looks for the outside.
 #[test]
 fn skin_next_to_the_border_of_the_image_is_found() {
