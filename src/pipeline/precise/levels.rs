@@ -98,10 +98,8 @@ impl Levels {
 
     /// Whether a value can be that of air although the voxels all around have it too.
     pub(super) fn is_still_air(&self, value: f32) -> bool {
-        match self.clipped {
-            Some(clipped) => value <= clipped.value.max(self.air),
-            None => self.noise <= LEAST_NOISE && (value - self.air).abs() <= AS_AIR,
-        }
+        let air = self.clipped.map_or(self.air, |clipped| clipped.value);
+        (self.clipped.is_some() || self.noise <= LEAST_NOISE) && (value - air).abs() <= AS_AIR
     }
 
     /// The lowest share of tissue between these levels that was left as measured; `None` if all were.
