@@ -11,6 +11,7 @@ use super::space::Space;
 
 /// A border no more voxels than this from what was filled is none that was measured.
 pub(super) const RIM: usize = 2;
+
 /// How far every line of voxels is from one that holds nothing but the fill value.
 #[derive(Debug, Default)]
 pub(super) struct Field {
