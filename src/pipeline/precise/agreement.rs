@@ -99,21 +99,28 @@ impl Neighbourhood {
             return Agreement { neighbours: n, ..Agreement::default() };
         }
         let normal = normalised(normal.map(f64::from)).unwrap_or(own);
-        let heights: Vec<(f64, f64)> = near
-            .iter()
-            .map(|d| {
-                let d = d.map(f64::from);
-                let h = dot(d, normal);
-                (dot(d, d) - h * h, h)
-            })
-            .collect();
         let count = n as f64;
-        let mean = |f: &dyn Fn(&(f64, f64)) -> f64| heights.iter().map(f).sum::<f64>() / count;
-        let (mq, mh) = (mean(&|v| v.0), mean(&|v| v.1));
-        let spread = mean(&|v| (v.0 - mq).powi(2));
-        let slope = if spread > 1e-6 { mean(&|v| (v.0 - mq) * (v.1 - mh)) / spread } else { 0.0 };
+        let (mut mq, mut mh) = (0.0, 0.0);
+        let mut heights: Vec<(f64, f64)> = Vec::with_capacity(n);
+        for d in &near {
+            let d = d.map(f64::from);
+            let h = dot(d, normal);
+            let q = dot(d, d) - h * h;
+            mq += q;
+            mh += h;
+            heights.push((q, h));
+        }
+        mq /= count;
+        mh /= count;
+        let (mut spread, mut common) = (0.0, 0.0);
+        for (q, h) in &heights {
+            spread += (q - mq).powi(2);
+            common += (q - mq) * (h - mh);
+        }
+        let slope = if spread > 1e-6 * count { common / spread } else { 0.0 };
         let offset = mh - slope * mq;
-        let scatter = mean(&|v| (v.1 - offset - slope * v.0).powi(2)).sqrt();
+        let residuals = heights.iter().map(|(q, h)| (h - offset - slope * q).powi(2));
+        let scatter = (residuals.sum::<f64>() / count).sqrt();
         Agreement { offset, scatter, curvature: -2.0 * slope, neighbours: n }
     }
 }

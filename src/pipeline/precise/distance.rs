@@ -16,7 +16,8 @@ pub(super) fn squared_distance(
     let layer = nx * ny;
     let reach = usize::from(limit.isqrt());
     let mut along_x = vec![u16::MAX; layer * nz];
-    along_x.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
+    let each = along_x.par_chunks_mut(nx).enumerate();
+    let known = each.map(|(row, out)| {
         let base = row * nx;
         let mut last: Option<usize> = None;
         for (x, out) in out.iter_mut().enumerate() {
@@ -36,21 +37,25 @@ pub(super) fn squared_distance(
                 out[x] = out[x].min(square(n - x));
             }
         }
+        last.is_some()
     });
+    let known: Vec<bool> = known.collect();
     let mut along_y = vec![u16::MAX; layer * nz];
-    along_y.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
-        let (z, y) = (row / ny, row % ny);
-        for v in y.saturating_sub(reach)..(y + reach + 1).min(ny) {
-            lower(out, &along_x[(z * ny + v) * nx..][..nx], square(v.abs_diff(y)));
-        }
+    let each = along_y.par_chunks_mut(nx).enumerate();
+    let known = each.map(|(row, out)| {
+        let (first, y) = (row / ny * ny, row % ny);
+        let near = y.saturating_sub(reach)..(y + reach + 1).min(ny);
+        let rows = near.map(|v| (first + v, v.abs_diff(y))).filter(|(r, _)| known[*r]);
+        lowest(out, &along_x, row, rows)
     });
+    let known: Vec<bool> = known.collect();
     let mut along_z = along_x;
     along_z.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
         let (z, y) = (row / ny, row % ny);
         out.fill(u16::MAX);
-        for w in z.saturating_sub(reach)..(z + reach + 1).min(nz) {
-            lower(out, &along_y[(w * ny + y) * nx..][..nx], square(w.abs_diff(z)));
-        }
+        let near = z.saturating_sub(reach)..(z + reach + 1).min(nz);
+        let rows = near.map(|w| (w * ny + y, w.abs_diff(z))).filter(|(r, _)| known[*r]);
+        lowest(out, &along_y, row, rows);
         for v in out.iter_mut().filter(|v| **v > limit) {
             *v = u16::MAX;
         }
@@ -58,10 +63,23 @@ pub(super) fn squared_distance(
     along_z
 }
 
-fn lower(out: &mut [u16], from: &[u16], offset: u16) {
-    for (o, &d) in out.iter_mut().zip(from) {
-        *o = (*o).min(d.saturating_add(offset));
+/// Lowers a row to the least of d² + k² over the rows `near` it, k away; tells whether there are any.
+fn lowest(out: &mut [u16], from: &[u16], own: usize, near: impl Iterator<Item = (usize, usize)>) -> bool {
+    let nx = out.len();
+    let row = |r: usize| &from[r * nx..][..nx];
+    if row(own).iter().all(|d| *d == 0) {
+        out.fill(0);
+        return true;
     }
+    let mut any = false;
+    for (r, away) in near {
+        let offset = square(away);
+        for (o, &d) in out.iter_mut().zip(row(r)) {
+            *o = (*o).min(d.saturating_add(offset));
+        }
+        any = true;
+    }
+    any
 }
 
 fn square(n: usize) -> u16 {

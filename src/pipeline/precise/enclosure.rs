@@ -21,35 +21,38 @@ pub(super) enum Seen {
 /// The share of the 26 directions from a cell in which a ray meets the body within 60 mm, 0 to 1:
 /// about a half on the outside of a face, nearly one in a sinus.
 pub(super) fn enclosure(cells: &Cells, cell: usize, is_body: impl Fn(usize) -> bool) -> f64 {
-    let steps = (VIEW_MM / cells.edge) as isize;
-    let from = cells.cell(cell);
-    let met = directions().filter(|&d| (1..=steps).map_while(|n| step(cells, from, d, n)).any(&is_body));
+    let met = directions().filter(|&d| ray(cells, cell, d, VIEW_MM).0.any(&is_body));
     met.count() as f64 / 26.0
 }
 
 /// In how many of the 26 directions a ray meets what it looks for, and how many do not leave the
 /// scan before.
 pub(super) fn view(cells: &Cells, cell: usize, look: impl Fn(usize) -> Seen) -> (usize, usize) {
-    let steps = (FAR_MM / cells.edge) as isize;
-    let from = cells.cell(cell);
     let (mut met, mut ended) = (0, 0);
     for direction in directions() {
-        let first = (1..=steps)
-            .map(|n| step(cells, from, direction, n).map_or(Seen::Nothing, &look))
-            .find(|seen| *seen != Seen::Other);
-        met += usize::from(first == Some(Seen::Wanted));
-        ended += usize::from(first != Some(Seen::Nothing));
+        let (mut ray, leaves) = ray(cells, cell, direction, FAR_MM);
+        let end = if leaves { Seen::Nothing } else { Seen::Other };
+        let first = ray.by_ref().map(&look).find(|seen| *seen != Seen::Other).unwrap_or(end);
+        met += usize::from(first == Seen::Wanted);
+        ended += usize::from(first != Seen::Nothing);
     }
     (met, ended)
 }
 
-/// The cell `n` steps along a direction; `None` outside the survey.
-fn step(cells: &Cells, from: [usize; 3], direction: [isize; 3], n: isize) -> Option<usize> {
-    let mut at = [0; 3];
-    for a in 0..3 {
-        at[a] = from[a].checked_add_signed(direction[a] * n).filter(|&v| v < cells.shape[a])?;
-    }
-    Some(cells.offset(at))
+/// The cells along a direction from a cell, so many steps of a cell's edge as make `mm`; and
+/// whether the survey ends before.
+fn ray(cells: &Cells, from: usize, direction: [isize; 3], mm: f64) -> (impl Iterator<Item = usize>, bool) {
+    let (at, [nx, ny, _]) = (cells.cell(from), cells.shape);
+    let room = (0..3).map(|a| match direction[a] {
+        0 => usize::MAX,
+        1.. => cells.shape[a] - 1 - at[a],
+        _ => at[a],
+    });
+    let room = room.min().unwrap_or(0);
+    let steps = (mm / cells.edge) as usize;
+    let stride = direction[0] + (direction[1] + direction[2] * ny as isize) * nx as isize;
+    let cell = move |n: usize| from.wrapping_add_signed(stride * n as isize);
+    ((1..=room.min(steps)).map(cell), room < steps)
 }
 
 /// The 26 directions to a cell's neighbours.

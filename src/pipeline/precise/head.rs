@@ -8,7 +8,7 @@ use super::enclosure::{Seen, view};
 use super::field::Field;
 use super::levels::Levels;
 use super::patient::{Cell, Patient};
-use super::space::Space;
+use super::space::{Space, nearest};
 use super::survey::Survey;
 use crate::geometry::Vec3;
 
@@ -145,8 +145,7 @@ impl Head {
                     p[axis] += way;
                     let index = space.index(p);
                     let left = |a: usize| index[a] < 0.0 || index[a] > (space.shape[a] - 1) as f64;
-                    let filled =
-                        space.within(index) == index && !field.holds(index.map(|v| v.round() as usize));
+                    let filled = space.within(index) == index && !field.holds(nearest(index));
                     let upward = axis == 2 && way > 0.0;
                     above += usize::from(upward);
                     aside += usize::from(axis != 2 && (filled || (0..3).any(|a| a != s && left(a))));

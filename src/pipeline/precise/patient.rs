@@ -15,7 +15,7 @@ use super::levels::Levels;
 use super::outside::Open;
 use super::pieces::Pieces;
 use super::sheets;
-use super::space::Space;
+use super::space::{Space, nearest};
 use super::survey::{Cells, Survey};
 use crate::geometry::{Vec3, add, scale};
 
@@ -259,7 +259,7 @@ pub(super) fn each_cell(cells: &Cells, mut f: impl FnMut(usize, [usize; 3])) {
 }
 
 fn piece_at(space: &Space, pieces: &Pieces, p: Vec3) -> Option<u32> {
-    let [z, y, x] = space.clamped(p).map(|v| v.round() as usize);
+    let [z, y, x] = nearest(space.clamped(p));
     pieces.at(z, y, x)
 }
 

@@ -155,7 +155,7 @@ impl<'a> Space<'a> {
 
     /// The slice nearest to a place.
     pub(super) fn slice_of(&self, p: Vec3) -> usize {
-        let k = self.index(p)[self.slice_axis].round().max(0.0) as usize;
+        let k = nearest(self.index(p))[self.slice_axis];
         k.min(self.shape[self.slice_axis] - 1)
     }
 
@@ -255,4 +255,10 @@ impl<'a> Space<'a> {
         let (a, b) = (plane(o), plane(o + sz));
         Some(a + (b - a) * t[0])
     }
+}
+
+/// The voxel nearest to a fractional index; where that is negative the first one.
+#[inline]
+pub(super) fn nearest(index: [f64; 3]) -> [usize; 3] {
+    index.map(|v| (v + 0.5) as usize)
 }

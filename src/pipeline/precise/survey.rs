@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::field::Field;
-use super::space::Space;
+use super::space::{Space, nearest};
 use crate::geometry::Vec3;
 
 /// The box around all voxel centres and the margin, LPS mm.
@@ -54,9 +54,10 @@ impl Survey {
                 let p = [start[0] + x as f64 * cells.edge, start[1], start[2]];
                 let index = space.index(p);
                 let clamped = space.within(index);
-                *seen = clamped == index && field.holds(index.map(|v| v.round() as usize));
+                *seen = clamped == index && field.holds(nearest(index));
                 *below = index[0] > clamped[0];
-                *hu = space.sample_index(clamped).unwrap_or(0.0).round() as i16;
+                let v = space.sample_index(clamped).unwrap_or(0.0);
+                *hu = (v + 0.5f32.copysign(v)) as i16;
             }
         });
         Self { cells, hu, seen, below }
@@ -98,11 +99,11 @@ impl Cells {
     pub(super) fn at(&self, p: Vec3) -> Option<[usize; 3]> {
         let mut cell = [0; 3];
         for a in 0..3 {
-            let v = ((p[a] - self.origin[a]) / self.edge + 0.5).floor();
-            if v < 0.0 || v as usize >= self.shape[a] {
+            let v = (p[a] - self.origin[a]) / self.edge + 0.5;
+            cell[a] = v as usize;
+            if !(v >= 0.0 && cell[a] < self.shape[a]) {
                 return None;
             }
-            cell[a] = v as usize;
         }
         Some(cell)
     }
