@@ -138,6 +138,18 @@ pub struct InvalidParameter {
     pub value: f64,
 }
 
+/// A parameter was changed that the profile does not use.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{name} has no effect under the profile {}: leave it out, or ask for {}", .profile.name(), .other.name())]
+pub struct UnusedParameter {
+    /// The parameter's name.
+    pub name: &'static str,
+    /// The profile that would run.
+    pub profile: Profile,
+    /// The profile that uses it.
+    pub other: Profile,
+}
+
 impl Parameters {
     /// The published algorithm with its published values.
     #[must_use]
@@ -149,6 +161,29 @@ impl Parameters {
     #[must_use]
     pub fn precise() -> Self {
         Self { profile: Profile::Precise, ..Self::default() }
+    }
+
+    /// Checks that what differs from the `configured` parameters has an effect.
+    ///
+    /// # Errors
+    /// The first parameter that was changed and that the profile does not use.
+    pub fn check_use(&self, configured: &Self) -> Result<(), UnusedParameter> {
+        let paper = [
+            ("hu_min", self.hu_min != configured.hu_min),
+            ("hu_max", self.hu_max != configured.hu_max),
+            ("radius_outlier", self.radius_outlier != configured.radius_outlier),
+            ("statistical_outlier", self.statistical_outlier != configured.statistical_outlier),
+            ("thresholds", self.thresholds != configured.thresholds),
+        ];
+        let precise = [("quality", self.quality != configured.quality)];
+        let (unused, other) = match self.profile {
+            Profile::Paper => (&precise[..], Profile::Precise),
+            Profile::Precise => (&paper[..], Profile::Paper),
+        };
+        match unused.iter().find(|(_, changed)| *changed) {
+            Some((name, _)) => Err(UnusedParameter { name, profile: self.profile, other }),
+            None => Ok(()),
+        }
     }
 
     /// Checks every range.

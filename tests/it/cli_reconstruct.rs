@@ -135,6 +135,7 @@ fn each_failure_has_its_exit_code_and_leaves_no_cloud() {
             "empty_cloud",
         ),
         ("a bad parameter", &["good", "--leaf", "0"], 2, "leaf_mm"),
+        ("one without effect", &["good", "--hu-min", "-300"], 2, "hu_min has no effect under"),
         ("an unknown series", &["good", "--series", "1.2.3"], 2, "1.2.3"),
     ] {
         let (code, _, stderr) = reconstruct(dir.path(), &[arguments, &["-o", "c.ply"]].concat());

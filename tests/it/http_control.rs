@@ -101,11 +101,13 @@ async fn the_same_parameters_are_the_same_reconstruction() {
     };
     assert_eq!(ask(None).await["id"], first.to_string());
     assert_eq!(ask(Some(json!({ "leaf_mm": 1.0 }))).await["id"], first.to_string());
-    let fine = ask(Some(json!({ "leaf_mm": 0.38, "radius_outlier": { "min_neighbours": 7 } }))).await;
+    let fine = json!({ "profile": "paper", "leaf_mm": 0.38, "radius_outlier": { "min_neighbours": 7 } });
+    let fine = ask(Some(fine)).await;
     assert_ne!(fine["id"], first.to_string());
     assert_eq!(fine["parameters"]["radius_outlier"], json!({ "radius_mm": 10.0, "min_neighbours": 7 }));
     assert_eq!(
-        ask(Some(json!({ "radius_outlier": { "min_neighbours": 7 }, "leaf_mm": 0.38 }))).await["id"],
+        ask(Some(json!({ "radius_outlier": { "min_neighbours": 7 }, "leaf_mm": 0.38, "profile": "paper" })))
+            .await["id"],
         fine["id"]
     );
 
@@ -119,6 +121,9 @@ async fn the_same_parameters_are_the_same_reconstruction() {
         "{",
         "{\"radius_outlier\": [5, 3]}",
         "{\"leaf_mm\": null}",
+        // Without effect under the profile that runs.
+        "{\"profile\": \"precise\", \"hu_min\": -300}",
+        "{\"profile\": \"paper\", \"quality\": {\"noise_hu\": 60}}",
     ] {
         problem(post(wrong, "application/json").await.unwrap(), 422, "invalid-body").await;
     }

@@ -107,11 +107,13 @@ impl Table {
             ),
         );
         if r.is_doubtful {
-            let share = per_cent(r.used_share);
-            self.line(
-                "",
-                format!("DOUBTFUL: only {share} of the points took part; the others were removed as far"),
-            );
+            let why = if r.lacks_points() {
+                let share = per_cent(r.used_share);
+                format!("only {share} of the points took part; the others were removed as far")
+            } else {
+                "they, or what is nearest to them, lie on a line or in one place".to_owned()
+            };
+            self.line("", format!("DOUBTFUL: {why}"));
         }
         let [x, y, z] = r.shift_mm;
         self.line(

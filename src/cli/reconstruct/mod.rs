@@ -37,7 +37,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: Args) -> Result<(), Failed> {
     let config = args.settings.load()?;
-    let parameters = args.thresholds.over(config.pipeline.clone())?;
+    let parameters = args.thresholds.over(&config.pipeline)?;
     let format = args.destination.format()?;
     args.destination.check(parameters.profile)?;
     let inputs = Inputs::open(&args.input, &config)?;

@@ -33,7 +33,8 @@ pub(super) struct Thresholds {
 
 impl Thresholds {
     /// Lays the flags over the configuration's parameters.
-    pub(super) fn over(&self, mut parameters: Parameters) -> Result<Parameters, Failed> {
+    pub(super) fn over(&self, configured: &Parameters) -> Result<Parameters, Failed> {
+        let mut parameters = configured.clone();
         set(&mut parameters.profile, self.profile);
         set(&mut parameters.hu_min, self.hu_min);
         set(&mut parameters.hu_max, self.hu_max);
@@ -43,6 +44,7 @@ impl Thresholds {
         set(&mut parameters.statistical_outlier.neighbours, self.neighbours);
         set(&mut parameters.statistical_outlier.deviations, self.deviations);
         parameters.check().map_err(Failed::usage)?;
+        parameters.check_use(configured).map_err(Failed::usage)?;
         Ok(parameters)
     }
 }

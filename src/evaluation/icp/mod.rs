@@ -13,7 +13,7 @@ mod selection;
 use serde::Serialize;
 
 use super::Target;
-use crate::geometry::{Vec3, norm, scale, sub};
+use crate::geometry::{Vec3, add, norm, scale, sub};
 
 pub use rigid::Rigid;
 
@@ -61,8 +61,9 @@ pub struct Registration {
     pub points_used: usize,
     /// Their share of all points, 0 to 1.
     pub used_share: f64,
-    /// Whether far fewer points took part than the overlap lets: farthest-point removal goes on in
-    /// each round, and may fit a small part of a cloud alone. Then the root mean square says little.
+    /// Whether the root mean square says little: far fewer points took part than the overlap lets
+    /// (farthest-point removal goes on in each round, and may fit a small part of a cloud alone), or
+    /// they, or what is nearest to them, lie on a line or in one place, which fixes no motion.
     pub is_doubtful: bool,
     /// How many points farthest-point removal had taken away by then.
     pub points_removed: usize,
@@ -80,8 +81,19 @@ pub struct Registration {
     pub matrix: [[f64; 4]; 4],
 }
 
+impl Registration {
+    /// Whether far fewer points took part than the overlap lets.
+    #[must_use]
+    pub fn lacks_points(&self) -> bool {
+        self.used_share < MIN_SHARE * self.settings.overlap
+    }
+}
+
 /// A smaller share of the overlap makes a registration doubtful.
 const MIN_SHARE: f64 = 0.85;
+/// Points whose spread across their longest direction is a smaller share of the one along it lie on
+/// a line.
+const LINE: f64 = 0.01;
 
 /// Fewer points fix no rigid motion.
 pub(super) const MIN_POINTS: usize = 4;
@@ -101,6 +113,7 @@ pub fn register(points: &[Vec3], target: &Target, settings: Settings) -> Option<
     let mut total = Rigid::IDENTITY;
     let mut pending = Rigid::IDENTITY;
     let (mut rms, mut initial, mut used, mut removed) = (f64::INFINITY, f64::NAN, 0, 0);
+    let mut fixed = true;
     let mut iteration = 0;
     let end = loop {
         if settings.farthest_point_removal {
@@ -117,6 +130,8 @@ pub fn register(points: &[Vec3], target: &Target, settings: Settings) -> Option<
         let decrease = rms - now;
         total = pending.after(&total);
         (rms, used, removed) = (now, chosen.len(), points.len() - moved.len());
+        fixed = !on_a_line(chosen.iter().map(|&index| moved[index]))
+            && !on_a_line(chosen.iter().map(|&index| nearest[index].point));
         if iteration == 0 {
             initial = now;
         }
@@ -134,13 +149,13 @@ pub fn register(points: &[Vec3], target: &Target, settings: Settings) -> Option<
     let middle = middle(points);
     let shift_mm = sub(total.apply(middle), middle);
     let used_share = used as f64 / points.len() as f64;
-    Some(Registration {
+    let mut found = Registration {
         settings,
         rms_mm: rms,
         initial_rms_mm: initial,
         points_used: used,
         used_share,
-        is_doubtful: used_share < MIN_SHARE * settings.overlap,
+        is_doubtful: !fixed,
         points_removed: removed,
         iterations: iteration,
         end,
@@ -148,7 +163,9 @@ pub fn register(points: &[Vec3], target: &Target, settings: Settings) -> Option<
         shift_mm,
         shift_length_mm: norm(shift_mm),
         matrix: total.matrix(),
-    })
+    };
+    found.is_doubtful |= found.lacks_points();
+    Some(found)
 }
 
 /// The cube of 4 mm that a place lies in, in an order in which few neighbours are far apart.
@@ -158,9 +175,30 @@ fn cell(p: Vec3) -> [i32; 3] {
     [z, y, x]
 }
 
+/// Whether places lie on a line, or are one: no motion of them is fixed then.
+fn on_a_line(places: impl Iterator<Item = Vec3> + Clone) -> bool {
+    let (count, sum) = places.clone().fold((0.0, [0.0; 3]), |(n, sum), p| (n + 1.0, add(sum, p)));
+    let middle = scale(sum, 1.0 / count);
+    let mut s = [[0.0; 3]; 3];
+    for p in places {
+        let d = sub(p, middle);
+        for i in 0..3 {
+            for j in 0..3 {
+                s[i][j] += d[i] * d[j];
+            }
+        }
+    }
+    // Of the three variances: the sum, and that of the products of two.
+    let sum = s[0][0] + s[1][1] + s[2][2];
+    let minor = |i: usize, j: usize| s[i][i] * s[j][j] - s[i][j] * s[j][i];
+    let products = minor(0, 1) + minor(0, 2) + minor(1, 2);
+    // Nothing that is not a number fixes a motion.
+    !(products > LINE * LINE * sum * sum)
+}
+
 /// Mean of the points.
 fn middle(points: &[Vec3]) -> Vec3 {
-    let sum = points.iter().fold([0.0; 3], |sum, p| crate::geometry::add(sum, *p));
+    let sum = points.iter().fold([0.0; 3], |sum, p| add(sum, *p));
     scale(sum, 1.0 / points.len() as f64)
 }
 

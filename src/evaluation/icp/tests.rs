@@ -134,3 +134,17 @@ fn a_cloud_on_itself_does_not_move() {
     assert_eq!(found.matrix, Rigid::IDENTITY.matrix());
     assert_eq!(register(&shape.points[..3], &Target::new(&shape).unwrap(), Settings::PAPER), None);
 }
+
+#[test]
+fn what_fixes_no_motion_is_doubtful() {
+    let head = head(3);
+    let target = Target::new(&head).unwrap();
+    let doubtful = |points: &[Vec3]| register(points, &target, Settings::PAPER).unwrap().is_doubtful;
+    let moved = motion([1.0, 2.0, -1.5], 2.0, [1.0, -2.0, 1.5]);
+    let points: Vec<Vec3> = head.points.iter().step_by(5).map(|p| moved(*p)).collect();
+    assert!(!doubtful(&points));
+    assert!(doubtful(&(0..50).map(|i| [f64::from(i), 3.0, 2.0]).collect::<Vec<_>>()), "a line");
+    assert!(doubtful(&[[1.0, 2.0, 3.0]; 20]), "one place");
+    let far: Vec<Vec3> = points.iter().map(|p| add(*p, [1e6, 0.0, 0.0])).collect();
+    assert!(doubtful(&far), "all have the same point of the target nearest");
+}

@@ -39,7 +39,7 @@ use crate::store::{ReconstructionFilter, ReconstructionState};
         (status = 410, description = "The source instances are no longer stored."),
         (status = 413, description = "The body is too large."),
         (status = 415, description = "The body is not JSON."),
-        (status = 422, description = "A parameter is unknown or outside its range."),
+        (status = 422, description = "A parameter is unknown, outside its range, or changed without an effect under the profile."),
     ),
 )]
 pub(in crate::http) async fn start_reconstruction(
@@ -62,6 +62,7 @@ fn merged(configured: &Parameters, body: Option<Value>) -> Result<Parameters> {
     let parameters: Parameters =
         serde_json::from_value(all).map_err(|wrong| Error::InvalidBody(wrong.to_string()))?;
     parameters.check().map_err(|wrong| Error::InvalidBody(wrong.to_string()))?;
+    parameters.check_use(configured).map_err(|wrong| Error::InvalidBody(wrong.to_string()))?;
     Ok(parameters)
 }
 
@@ -186,7 +187,7 @@ mod tests {
 
     #[test]
     fn what_the_body_leaves_out_keeps_the_configured_value() {
-        let mut configured = Parameters { leaf_mm: 0.38, ..Parameters::default() };
+        let mut configured = Parameters { leaf_mm: 0.38, ..Parameters::paper() };
         configured.radius_outlier.min_neighbours = 7;
         let body = json!({ "hu_max": 300, "radius_outlier": { "radius_mm": 5.0 } });
         let all = merged(&configured, Some(body)).unwrap();
@@ -203,5 +204,23 @@ mod tests {
             let got = merged(&Parameters::default(), Some(body.clone()));
             assert!(matches!(got, Err(Error::InvalidBody(_))), "{body}: {got:?}");
         }
+    }
+
+    #[test]
+    fn a_change_without_effect_under_the_profile_is_refused_and_an_echo_is_not() {
+        let configured = Parameters::precise();
+        let refused = [
+            json!({ "hu_min": -300 }),
+            json!({ "radius_outlier": { "min_neighbours": 7 } }),
+            json!({ "profile": "paper", "quality": { "noise_hu": 60.0 } }),
+        ];
+        for body in refused {
+            let got = merged(&configured, Some(body.clone()));
+            assert!(matches!(got, Err(Error::InvalidBody(_))), "{body}: {got:?}");
+        }
+        let echo = serde_json::to_value(&configured).unwrap();
+        assert_eq!(merged(&configured, Some(echo)).unwrap(), configured);
+        let paper = merged(&configured, Some(json!({ "profile": "paper", "hu_min": -300 }))).unwrap();
+        assert_eq!((paper.profile, paper.hu_min), (crate::pipeline::Profile::Paper, -300));
     }
 }

@@ -144,7 +144,7 @@ fn walk(cells: &Cells, from: &[usize], most: u32, pass: impl Fn(usize) -> bool) 
 
 #[cfg(test)]
 mod tests {
-    use super::super::patient::each_cell;
+    use super::super::kinds::each_cell;
     use super::*;
 
     /// A block of skin that ends at z = 30, with a tube of 5 mm that goes 22 mm in at (20, 20) and a

@@ -4,9 +4,10 @@ use rayon::prelude::*;
 
 use super::edge;
 use super::field::{self, Field};
+use super::kinds::Cell;
 use super::levels::Levels;
 use super::outside::{Beyond, Outside};
-use super::patient::{Cell, Patient};
+use super::patient::Patient;
 use super::space::Space;
 use super::stretches::StretchReason;
 use crate::geometry::{Vec3, add, dot, norm, normalised, scale, sub};

@@ -1,7 +1,7 @@
 //! The couch and what else has the same cross-section in every slice: boards, holders, rails.
 
 use super::distance::squared_distance;
-use super::patient::{BALL_MM, Cell};
+use super::kinds::{BALL_MM, Cell};
 use super::survey::Survey;
 
 /// A column along the table counts as filled if this share of it is.
@@ -102,4 +102,31 @@ fn outlines(nx: usize, ny: usize, mask: &[bool]) -> Vec<Vec<usize>> {
         found.push(outline);
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::survey::Cells;
+    use super::*;
+
+    #[test]
+    fn a_plate_is_a_thin_outline_and_a_block_is_none() {
+        let cells = Cells { origin: [0.0; 3], edge: 1.0, shape: [60, 40, 80] };
+        let n = cells.len();
+        let survey = Survey { cells, hu: vec![0; n], seen: vec![true; n], below: vec![false; n] };
+        let plate = |[x, y, _]: [usize; 3]| (5..55).contains(&x) && (30..34).contains(&y);
+        let block = |[x, y, _]: [usize; 3]| (10..30).contains(&x) && (3..23).contains(&y);
+        let solid = |at| plate(at) || block(at);
+        let kind = |i| if solid(cells.cell(i)) { Cell::Patient } else { Cell::Air };
+        let mut kinds: Vec<Cell> = (0..n).map(kind).collect();
+        let found = mark(&survey, &mut kinds);
+        assert_eq!(found.len(), 2);
+        for outline in found {
+            let is_plate = plate(cells.cell(outline.cells[0]));
+            assert_eq!(outline.thin, is_plate);
+            assert_eq!(outline.cells.len(), if is_plate { 50 * 4 } else { 20 * 20 } * 80);
+            assert!(outline.cells.iter().all(|&i| plate(cells.cell(i)) == is_plate));
+        }
+        assert!(kinds.iter().all(|k| *k != Cell::Patient), "both are marked as no patient's");
+    }
 }

@@ -4,8 +4,8 @@
 use super::couch;
 use super::distance::squared_distance;
 use super::field::Field;
+use super::kinds::{Cell, tissue};
 use super::levels::Levels;
-use super::patient::Cell;
 use super::pieces::Pieces;
 use super::space::Space;
 use super::survey::{Cells, Survey, whole};
@@ -28,7 +28,7 @@ pub(super) fn bounds(space: &Space, field: &Field, levels: &Levels) -> [Vec3; 2]
     let all = whole(space);
     let survey = Survey::of(space, field, Cells::over(all, EDGE_MM));
     let cells = survey.cells;
-    let mut kinds = super::patient::tissue(&survey, levels);
+    let mut kinds = tissue(&survey, levels);
     couch::mark(&survey, &mut kinds);
     let depth = squared_distance(cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
     let thick = Pieces::of(cells.shape, |i| depth[i] == u16::MAX);

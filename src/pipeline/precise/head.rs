@@ -6,8 +6,9 @@ use rayon::prelude::*;
 
 use super::enclosure::{Seen, view};
 use super::field::Field;
+use super::kinds::Cell;
 use super::levels::Levels;
-use super::patient::{Cell, Patient};
+use super::patient::Patient;
 use super::space::{Space, nearest};
 use super::survey::Survey;
 use crate::geometry::Vec3;

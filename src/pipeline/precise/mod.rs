@@ -8,10 +8,10 @@
 //! |---|---|
 //! | the scan as a field in mm | `space`, `levels`, `field` |
 //! | cells for the search in 3D | `crop`, `survey`, `distance`, `pieces` |
-//! | which tissue is the patient | `couch`, `patient`, `enclosure`, `sheets`, `head` |
+//! | which tissue is the patient | `kinds`, `couch`, `patient`, `enclosure`, `sheets`, `head` |
 //! | which border is skin | `outside`, `canals` |
 //! | where exactly | `candidates`, `width`, `plateau`, `regions`, `crossings`, `edge` |
-//! | between thick slices | `between` |
+//! | between thick slices | `between`, `contours` |
 //! | what was not accepted | `stretches` |
 //! | one point a leaf | `leaves`, `order` |
 //! | how far to trust it | `agreement`, `confidence`, `motion`, `assess`, `quality` |
@@ -22,6 +22,7 @@ mod between;
 mod canals;
 mod candidates;
 mod confidence;
+mod contours;
 mod couch;
 mod crop;
 mod crossings;
@@ -30,6 +31,7 @@ mod edge;
 mod enclosure;
 mod field;
 mod head;
+mod kinds;
 mod leaves;
 mod levels;
 mod motion;

@@ -11,6 +11,7 @@ use super::crop;
 use super::distance::squared_distance;
 use super::enclosure::enclosure;
 use super::field::Field;
+use super::kinds::{BALL_MM, Cell, tissue};
 use super::levels::Levels;
 use super::outside::Open;
 use super::pieces::Pieces;
@@ -21,8 +22,6 @@ use crate::geometry::{Vec3, add, scale};
 
 /// Edge of the survey's cells, mm; larger where the patient is.
 const EDGE_MM: f64 = 1.0;
-/// A body must be thicker than twice this to count as the patient's own, mm.
-pub(super) const BALL_MM: f64 = 5.0;
 /// What lies so close to the opened body belongs to it without further question, mm.
 const SKIN_MM: f64 = 1.5;
 /// A thin piece longer than this (diagonal of its box) is no ear, nose or jaw, mm.
@@ -35,21 +34,6 @@ const FOREIGN_MM: f64 = 3.5;
 /// Where so much of the view from a long part is the patient, it is the patient's all the same:
 /// the walls of the sinuses and of the mastoid's cells.
 const ENCLOSED: f64 = 0.65;
-
-/// What a survey cell holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[repr(u8)]
-pub(super) enum Cell {
-    #[default]
-    /// Air, padding, or something too thin to be seen as tissue.
-    Air,
-    /// The patient.
-    Patient,
-    /// Tissue or plastic that is not the patient.
-    Other,
-    /// A thin long piece that hangs on the patient: holder, couch, strap, tube.
-    Attached,
-}
 
 /// The patient in the survey's cells and in the scan's voxels.
 #[derive(Debug)]
@@ -235,27 +219,6 @@ fn opened(cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
     let depth = squared_distance(cells.shape, reach, |i| !solid(i));
     let near = squared_distance(cells.shape, reach, |i| depth[i] == u16::MAX);
     near.into_iter().map(|d| d != u16::MAX).collect()
-}
-
-/// The cells with tissue in their middle, as if all of it were the patient's.
-pub(super) fn tissue(survey: &Survey, levels: &Levels) -> Vec<Cell> {
-    let middle = levels.middle();
-    let kind = |&hu: &i16| if f32::from(hu) >= middle { Cell::Patient } else { Cell::Air };
-    survey.hu.par_iter().map(kind).collect()
-}
-
-/// Calls `f` with the offset and the index of every cell, in order.
-pub(super) fn each_cell(cells: &Cells, mut f: impl FnMut(usize, [usize; 3])) {
-    let [nx, ny, nz] = cells.shape;
-    let mut offset = 0;
-    for z in 0..nz {
-        for y in 0..ny {
-            for x in 0..nx {
-                f(offset, [x, y, z]);
-                offset += 1;
-            }
-        }
-    }
 }
 
 fn piece_at(space: &Space, pieces: &Pieces, p: Vec3) -> Option<u32> {

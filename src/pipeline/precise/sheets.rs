@@ -11,8 +11,8 @@ use std::collections::{BinaryHeap, HashMap};
 
 use rayon::prelude::*;
 
+use super::kinds::Cell;
 use super::levels::Levels;
-use super::patient::Cell;
 use super::pieces::Pieces;
 use super::space::Space;
 use super::survey::Cells;

@@ -1,0 +1,311 @@
+//! The contours of the slices as distances, and the skin that they tell of between two of them.
+
+use rayon::prelude::*;
+
+use super::crossings::Crossing;
+use super::space::Space;
+use crate::geometry::{Plane, PlaneSet, Vec3, add, dot, norm, normalised, scale};
+
+/// Images between two slices are made this far apart at most, mm.
+const STEP_MM: f64 = 0.8;
+/// Where the contour moves further than so many gaps from one slice to the next, nobody can tell
+/// how: the tip of an ear ends somewhere between.
+const FLATTEST: f64 = 4.0;
+/// A distance is trusted only if its foot lies across the contour, not beyond its end: the least
+/// cosine.
+const ACROSS: f64 = 0.8;
+
+/// A point of a slice's contour: place and normal in the slice, mm.
+#[derive(Debug, Clone, Copy)]
+struct Foot {
+    at: [f64; 2],
+    normal: [f64; 2],
+}
+
+/// The signed distance to the contour of every slice, mm, in the part of the slices that the skin
+/// takes; NaN where it is not known.
+#[derive(Debug)]
+pub(super) struct Contours {
+    axes: [usize; 2],
+    low: [usize; 2],
+    shape: [usize; 2],
+    spacing: [f64; 2],
+    units: [Vec3; 2],
+    distances: Vec<Vec<f32>>,
+}
+
+impl Contours {
+    /// `gaps` between the slices, mm.
+    pub(super) fn of(space: &Space, gaps: &[f64], crossings: &[Crossing]) -> Option<Self> {
+        let slice_axis = space.slice_axis();
+        let axes: [usize; 2] = match slice_axis {
+            0 => [1, 2],
+            1 => [0, 2],
+            _ => [0, 1],
+        };
+        let spacing = axes.map(|a| norm(space.mean_step(a)));
+        let units = [0, 1].map(|i| scale(space.mean_step(axes[i]), 1.0 / spacing[i]));
+        let mut feet: Vec<Vec<Foot>> = vec![Vec::new(); space.shape[slice_axis]];
+        let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
+        for c in crossings.iter().filter(|c| usize::from(c.axis) != slice_axis) {
+            let index = space.index(c.place);
+            let n = units.map(|u| dot(c.normal, u));
+            let length = n[0].hypot(n[1]);
+            if length < 0.2 {
+                continue;
+            }
+            let k = (index[slice_axis].round().max(0.0) as usize).min(feet.len() - 1);
+            feet[k].push(Foot {
+                at: [index[axes[0]] * spacing[0], index[axes[1]] * spacing[1]],
+                normal: n.map(|v| v / length),
+            });
+            for i in 0..2 {
+                low[i] = low[i].min(index[axes[i]]);
+                high[i] = high[i].max(index[axes[i]]);
+            }
+        }
+        if low[0] > high[0] {
+            return None;
+        }
+        let low = low.map(|v| (v - 4.0).max(0.0) as usize);
+        let shape = [0, 1].map(|i| ((high[i] + 5.0) as usize).min(space.shape[axes[i]] - 1) - low[i] + 1);
+        let mut contours = Self { axes, low, shape, spacing, units, distances: Vec::new() };
+        let widest = |k: usize| gaps[k.saturating_sub(1)].max(gaps[k.min(gaps.len() - 1)]);
+        contours.distances = feet
+            .par_iter()
+            .enumerate()
+            .map(|(k, feet)| contours.distances_to(feet, furthest(widest(k))))
+            .collect();
+        Some(contours)
+    }
+
+    /// Distance from each pixel to the nearest foot no further than `furthest` mm, by two sweeps that
+    /// hand on the nearest.
+    fn distances_to(&self, feet: &[Foot], furthest: f64) -> Vec<f32> {
+        let [rows, columns] = self.shape;
+        let place = |r: usize, c: usize| {
+            [(r + self.low[0]) as f64 * self.spacing[0], (c + self.low[1]) as f64 * self.spacing[1]]
+        };
+        let squared = |p: [f64; 2], foot: u32| {
+            let q = feet[foot as usize].at;
+            (p[0] - q[0]).powi(2) + (p[1] - q[1]).powi(2)
+        };
+        let mut nearest = vec![u32::MAX; rows * columns];
+        let offer = |nearest: &mut [u32], r: usize, c: usize, foot: u32| {
+            let old = nearest[r * columns + c];
+            let p = place(r, c);
+            let limit = if old == u32::MAX { furthest * furthest } else { squared(p, old) };
+            if old != foot && squared(p, foot) < limit {
+                nearest[r * columns + c] = foot;
+            }
+        };
+        for (i, foot) in feet.iter().enumerate() {
+            let at: [f64; 2] = [0, 1].map(|a| foot.at[a] / self.spacing[a] - self.low[a] as f64);
+            for r in [at[0].floor(), at[0].ceil()] {
+                for c in [at[1].floor(), at[1].ceil()] {
+                    if r >= 0.0 && c >= 0.0 && (r as usize) < rows && (c as usize) < columns {
+                        offer(&mut nearest, r as usize, c as usize, i as u32);
+                    }
+                }
+            }
+        }
+        for _ in 0..2 {
+            for r in 0..rows {
+                sweep(&mut nearest, columns, r, r.checked_sub(1), &offer);
+            }
+            for r in (0..rows).rev() {
+                sweep(&mut nearest, columns, r, (r + 1 < rows).then_some(r + 1), &offer);
+            }
+        }
+        (0..rows * columns)
+            .map(|i| {
+                let Some(foot) = feet.get(nearest[i] as usize) else { return f32::NAN };
+                let p = place(i / columns, i % columns);
+                let v = [p[0] - foot.at[0], p[1] - foot.at[1]];
+                let distance = v[0].hypot(v[1]);
+                let across = v[0] * foot.normal[0] + v[1] * foot.normal[1];
+                let pixel = self.spacing[0].max(self.spacing[1]);
+                if distance < 1.5 * pixel {
+                    across as f32
+                } else if across.abs() < ACROSS * distance {
+                    f32::NAN
+                } else {
+                    (distance * across.signum()) as f32
+                }
+            })
+            .collect()
+    }
+
+    /// Whether the contours on both sides of a place tell where the skin is there.
+    pub(super) fn knows(&self, space: &Space, p: Vec3) -> bool {
+        let index = space.index(p);
+        let k = (index[space.slice_axis()].floor().max(0.0) as usize).min(self.distances.len() - 2);
+        let at = [0, 1].map(|i| index[self.axes[i]].round() - self.low[i] as f64);
+        if (0..2).any(|i| at[i] < 0.0 || at[i] as usize >= self.shape[i]) {
+            return false;
+        }
+        let offset = at[0] as usize * self.shape[1] + at[1] as usize;
+        let (a, b) = (self.distances[k][offset], self.distances[k + 1][offset]);
+        let gap = dot(space.step_at(space.slice_axis(), k), space.slice_normal()).abs();
+        a.is_finite() && b.is_finite() && (a < 0.0) != (b < 0.0) && shift(a, b) <= FLATTEST * gap
+    }
+
+    /// The skin between slices k and k + 1.
+    pub(super) fn between(&self, space: &Space, k: usize, gap: f64) -> Vec<Crossing> {
+        let (below, above) = (&self.distances[k], &self.distances[k + 1]);
+        let [rows, columns] = self.shape;
+        let furthest = furthest(gap) as f32;
+        let known = |i: usize| below[i].abs() < furthest && above[i].abs() < furthest;
+        let steep = |i: usize| shift(below[i], above[i]) <= FLATTEST * gap;
+        let mut made = Vec::new();
+        let parts = (gap / STEP_MM).ceil() as usize;
+        for part in 1..parts {
+            let t = part as f64 / parts as f64;
+            let at = |i: usize| f64::from(below[i]) * (1.0 - t) + f64::from(above[i]) * t;
+            for r in 0..rows {
+                for c in 0..columns {
+                    let i = r * columns + c;
+                    if !known(i) {
+                        continue;
+                    }
+                    let here = at(i);
+                    for (along, j) in
+                        [(1, (c + 1 < columns).then_some(i + 1)), (0, (r + 1 < rows).then_some(i + columns))]
+                    {
+                        let Some(j) = j.filter(|&j| known(j)) else { continue };
+                        let there = at(j);
+                        if (here < 0.0) == (there < 0.0) || !steep(i) || !steep(j) {
+                            continue;
+                        }
+                        let mut place = [r as f64, c as f64];
+                        place[along] += here / (here - there);
+                        if let Some(made_here) = self.point(space, k, t, gap, place, (along, here < 0.0)) {
+                            made.push(made_here);
+                        }
+                    }
+                }
+            }
+        }
+        // The lines across the slices.
+        for i in 0..rows * columns {
+            let (a, b) = (f64::from(below[i]), f64::from(above[i]));
+            if known(i) && (a < 0.0) != (b < 0.0) && steep(i) {
+                let t = a / (a - b);
+                let place = [(i / columns) as f64, (i % columns) as f64];
+                if let Some(made_here) = self.point(space, k, t, gap, place, (2, a < 0.0)) {
+                    made.push(made_here);
+                }
+            }
+        }
+        made
+    }
+
+    /// A point of skin at `place` (row and column, from `low`), the share `t` of the way from
+    /// slice k to k + 1, on a line along 0 or 1 in the slice or 2 across, that leads out of the skin or into
+    /// it.
+    fn point(
+        &self,
+        space: &Space,
+        k: usize,
+        t: f64,
+        gap: f64,
+        place: [f64; 2],
+        (along, outward): (usize, bool),
+    ) -> Option<Crossing> {
+        let slice_axis = space.slice_axis();
+        let mut index = [0.0; 3];
+        index[slice_axis] = k as f64 + t;
+        index[self.axes[0]] = place[0] + self.low[0] as f64;
+        index[self.axes[1]] = place[1] + self.low[1] as f64;
+        let normal = self.normal(space, k, t, gap, place)?;
+        let nearest = place[0].round() as usize * self.shape[1] + place[1].round() as usize;
+        let shift = shift(self.distances[k][nearest], self.distances[k + 1][nearest]);
+        let axis = if along == 2 { slice_axis } else { self.axes[along] };
+        // At a sharp edge the mean of the distances around may turn away from the line.
+        let leading = dot(normal, space.mean_step(axis));
+        if leading == 0.0 || (leading > 0.0) != outward {
+            return None;
+        }
+        // A made line lies in no slice of the acquired plane.
+        let own = [Plane::Axial, Plane::Coronal, Plane::Sagittal][slice_axis];
+        let planes = match axis {
+            2 => [Plane::Axial, Plane::Coronal],
+            1 => [Plane::Axial, Plane::Sagittal],
+            _ => [Plane::Sagittal, Plane::Coronal],
+        };
+        let planes =
+            planes.into_iter().filter(|&p| p != own).fold(PlaneSet::EMPTY, |set, p| set.union(p.into()));
+        Some(Crossing {
+            place: space.lps(index),
+            normal,
+            planes,
+            axis: axis as u8,
+            between: true,
+            coarseness: shift / gap,
+            error: 0.02 * gap + 0.02,
+            level: 0.0,
+        })
+    }
+
+    /// Outward normal: the gradient of the interpolated distance.
+    fn normal(&self, space: &Space, k: usize, t: f64, gap: f64, place: [f64; 2]) -> Option<Vec3> {
+        let [rows, columns] = self.shape;
+        let (r, c) = (place[0].round() as usize, place[1].round() as usize);
+        if r == 0 || c == 0 || r + 1 >= rows || c + 1 >= columns {
+            return None;
+        }
+        let i = r * columns + c;
+        let (below, above) = (&self.distances[k], &self.distances[k + 1]);
+        let at = |i: usize| f64::from(below[i]) * (1.0 - t) + f64::from(above[i]) * t;
+        let g = [
+            (at(i + columns) - at(i - columns)) / (2.0 * self.spacing[0]),
+            (at(i + 1) - at(i - 1)) / (2.0 * self.spacing[1]),
+        ];
+        let rise = f64::from(above[i] - below[i]) / gap;
+        let in_slice = add(scale(self.units[0], g[0]), scale(self.units[1], g[1]));
+        normalised(add(in_slice, scale(space.slice_normal(), rise)))
+    }
+}
+
+/// Distances to a contour count no further than this, mm, for a gap between slices in mm.
+fn furthest(gap: f64) -> f64 {
+    8.0 + 2.0 * gap
+}
+
+/// How far the contour moves from one slice to the next, from the distances to both, mm.
+fn shift(below: f32, above: f32) -> f64 {
+    f64::from(above - below).abs()
+}
+
+/// One row takes over the nearest feet of the row before it and hands them on along itself.
+fn sweep(
+    nearest: &mut [u32],
+    columns: usize,
+    r: usize,
+    from: Option<usize>,
+    offer: &impl Fn(&mut [u32], usize, usize, u32),
+) {
+    let mut take = |c: usize, row: usize, column: usize| {
+        let foot = nearest[row * columns + column];
+        if foot != u32::MAX {
+            offer(nearest, r, c, foot);
+        }
+    };
+    for c in 0..columns {
+        if let Some(from) = from {
+            take(c, from, c);
+            if c > 0 {
+                take(c, from, c - 1);
+            }
+            if c + 1 < columns {
+                take(c, from, c + 1);
+            }
+        }
+        if c > 0 {
+            take(c, r, c - 1);
+        }
+    }
+    for c in (0..columns.saturating_sub(1)).rev() {
+        take(c, r, c + 1);
+    }
+}
