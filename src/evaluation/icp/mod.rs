@@ -193,7 +193,7 @@ fn on_a_line(places: impl Iterator<Item = Vec3> + Clone) -> bool {
     let minor = |i: usize, j: usize| s[i][i] * s[j][j] - s[i][j] * s[j][i];
     let products = minor(0, 1) + minor(0, 2) + minor(1, 2);
     // Nothing that is not a number fixes a motion.
-    !(products > LINE * LINE * sum * sum)
+    products.is_nan() || products <= LINE * LINE * sum * sum
 }
 
 /// Mean of the points.
