@@ -141,12 +141,13 @@ impl Search<'_> {
             Beyond::Canal(mm) => return doubt(StretchReason::Canal, mm, self.outside.reach_mm()),
             Beyond::Inside => return None,
         }
+        // First, for a couch wider than the field of view is not the patient's missing skin.
+        if let Some(mm) = self.behind(place, normal) {
+            return doubt(StretchReason::Foreign, mm, DEPTHS[3] * self.patient.survey.cells.edge);
+        }
         if let Some(voxels) = self.field_ends(inner, outer) {
             let pixel = self.space.largest_pixel();
             return doubt(StretchReason::FieldOfView, voxels as f64 * pixel, field::RIM as f64 * pixel);
-        }
-        if let Some(mm) = self.behind(place, normal) {
-            return doubt(StretchReason::Foreign, mm, DEPTHS[3] * self.patient.survey.cells.edge);
         }
         if let Some(mm) = self.beside(place, normal) {
             return doubt(StretchReason::Touching, mm, BESIDE_MM.0);

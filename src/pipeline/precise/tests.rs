@@ -253,6 +253,31 @@ fn what_the_field_of_view_cuts_is_no_skin_and_the_head_is_limited() {
     }
 }
 
+/// The head lies on a board that is wider than the field of view.
+#[test]
+fn where_the_field_of_view_cuts_a_board_no_skin_is_missing() {
+    let phantom = Phantom::new(options()).expect("the options are in range");
+    let truth = phantom.skin_points(3.0);
+    let back = truth.iter().map(|t| t[1]).fold(f64::MIN, f64::max);
+    let furthest = truth.iter().map(|t| t[0].hypot(t[1])).fold(0.0, f64::max);
+    let mut volume = phantom.volume();
+    for ((z, y, x), hu) in volume.hu.indexed_iter_mut() {
+        let p = volume.grid.lps([z, y, x]);
+        if p[0].hypot(p[1]) > furthest + 6.0 {
+            *hu = -2000;
+        } else if (back - 2.0..back + 4.0).contains(&p[1]) && phantom.signed_distance(p) > 0.0 {
+            *hu = 60;
+        }
+    }
+    let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
+    let missing = &skin.quality.missing;
+    assert!(missing.iter().any(|m| m.reason == StretchReason::Touching), "{missing:?}");
+    assert!(!missing.iter().any(|m| m.reason == StretchReason::FieldOfView), "{missing:?}");
+    let reasons: Vec<_> =
+        skin.slices.iter().flat_map(|slice| slice.rejected.iter().map(|stretch| stretch.reason)).collect();
+    assert!(reasons.contains(&StretchReason::Foreign));
+}
+
 #[test]
 fn each_plane_has_its_own_cloud_and_every_slice_its_row() {
     let (_, skin) = run(options(), 2.0);
