@@ -44,28 +44,40 @@ impl Between {
         Some(Self { gaps, contours })
     }
 
-    /// Takes out what nobody can place: only one slice shows the skin, and it lies anywhere up to the
-    /// other.
-    pub(super) fn reject(&self, space: &Space, crossings: &mut Vec<Crossing>) -> Vec<Doubtful> {
+    /// Puts what only one slice shows where the contours have it, and takes out what nobody can place:
+    /// it lies anywhere up to the other slice.
+    pub(super) fn settle(&self, space: &Space, crossings: &mut Vec<Crossing>) -> Vec<Doubtful> {
+        let settled: Vec<Result<Crossing, Doubtful>> =
+            crossings.par_iter().map(|c| self.settled(space, c)).collect();
+        crossings.clear();
         let mut doubtful = Vec::new();
-        crossings.retain(|c| {
-            let error = self.error(space, c);
-            let accepted =
-                !unresolved(space, c) || error <= DOUBTFUL_MM || self.contours.knows(space, c.place);
-            if !accepted {
-                doubtful.push(Doubtful {
-                    place: c.place,
-                    normal: c.normal,
-                    axis: c.axis,
-                    inner: space.index(c.place).map(|v| v.round() as u16),
-                    reason: StretchReason::Unresolved,
-                    measured: error,
-                    limit: DOUBTFUL_MM,
-                });
+        for one in settled {
+            match one {
+                Ok(crossing) => crossings.push(crossing),
+                Err(doubt) => doubtful.push(doubt),
             }
-            accepted
-        });
+        }
         doubtful
+    }
+
+    fn settled(&self, space: &Space, c: &Crossing) -> Result<Crossing, Doubtful> {
+        if !unresolved(space, c) || self.contours.knows(space, c.place) {
+            return Ok(*c);
+        }
+        let alone = Crossing { error: self.error(space, c), ..*c };
+        let best = self.contours.cap(space, c).filter(|cap| cap.error < alone.error).unwrap_or(alone);
+        if best.error <= DOUBTFUL_MM {
+            return Ok(best);
+        }
+        Err(Doubtful {
+            place: c.place,
+            normal: c.normal,
+            axis: c.axis,
+            inner: space.index(c.place).map(|v| v.round() as u16),
+            reason: StretchReason::Unresolved,
+            measured: best.error,
+            limit: DOUBTFUL_MM,
+        })
     }
 
     /// Adds the skin between slices that lie far apart, and drops what the lines across them do not
@@ -75,15 +87,10 @@ impl Between {
             .gaps
             .par_iter()
             .enumerate()
-            .map(|(k, &gap)| if gap < NEAR_MM { Vec::new() } else { self.contours.between(space, k, gap) })
+            .map(|(k, &gap)| if gap < NEAR_MM { Vec::new() } else { self.contours.between(space, k) })
             .collect();
-        let seen = crossings.into_iter().filter_map(|c| {
-            if !unresolved(space, &c) {
-                return Some(c);
-            }
-            let error = self.error(space, &c);
-            (!self.contours.knows(space, c.place)).then_some(Crossing { error, ..c })
-        });
+        let seen =
+            crossings.into_iter().filter(|c| !unresolved(space, c) || !self.contours.knows(space, c.place));
         seen.chain(made.into_iter().flatten()).collect()
     }
 

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::caps::{self, Place};
 use super::crossings::Crossing;
 use super::space::Space;
 use crate::geometry::{Plane, PlaneSet, Vec3, add, dot, norm, normalised, scale};
@@ -15,10 +16,19 @@ const FLATTEST: f64 = 4.0;
 /// cosine.
 const ACROSS: f64 = 0.8;
 
+/// The bends on both sides of a gap agree up to this ratio; the larger counts no more.
+const BEND_RATIO: f64 = 3.0;
+/// A contour's way from slice to slice changes by this share of it at most, where one side tells.
+const MOST_BENT: f64 = 0.6;
+/// And by what so small a radius makes of it, mm.
+const LEAST_RADIUS_MM: f64 = 30.0;
+/// The distance's rise across the slices is taken over twice this share of their gap.
+const RISE: f64 = 0.05;
+
 /// A point of a slice's contour: place and normal in the slice, mm.
 #[derive(Debug, Clone, Copy)]
 struct Foot {
-    at: [f64; 2],
+    at: Place,
     normal: [f64; 2],
 }
 
@@ -31,6 +41,10 @@ pub(super) struct Contours {
     shape: [usize; 2],
     spacing: [f64; 2],
     units: [Vec3; 2],
+    /// From each slice to the next, mm.
+    gaps: Vec<f64>,
+    /// The contour of every slice.
+    places: Vec<Vec<Place>>,
     distances: Vec<Vec<f32>>,
 }
 
@@ -69,13 +83,23 @@ impl Contours {
         }
         let low = low.map(|v| (v - 4.0).max(0.0) as usize);
         let shape = [0, 1].map(|i| ((high[i] + 5.0) as usize).min(space.shape[axes[i]] - 1) - low[i] + 1);
-        let mut contours = Self { axes, low, shape, spacing, units, distances: Vec::new() };
+        let mut contours = Self {
+            axes,
+            low,
+            shape,
+            spacing,
+            units,
+            gaps: gaps.to_vec(),
+            places: Vec::new(),
+            distances: Vec::new(),
+        };
         let widest = |k: usize| gaps[k.saturating_sub(1)].max(gaps[k.min(gaps.len() - 1)]);
         contours.distances = feet
             .par_iter()
             .enumerate()
             .map(|(k, feet)| contours.distances_to(feet, furthest(widest(k))))
             .collect();
+        contours.places = feet.iter().map(|feet| feet.iter().map(|f| f.at).collect()).collect();
         Some(contours)
     }
 
@@ -150,8 +174,25 @@ impl Contours {
         a.is_finite() && b.is_finite() && (a < 0.0) != (b < 0.0) && shift(a, b) <= FLATTEST * gap
     }
 
+    /// How high the skin rises over the slice that is the last to show it, at a crossing of a line across the
+    /// slices.
+    pub(super) fn cap(&self, space: &Space, c: &Crossing) -> Option<Crossing> {
+        let axis = space.slice_axis();
+        let mut index = space.index(c.place);
+        let k = (index[axis].floor().max(0.0) as usize).min(self.gaps.len() - 1);
+        let outward = dot(c.normal, space.slice_normal()) > 0.0;
+        let (own, below, behind) =
+            if outward { (k, k.checked_sub(1)?, k.checked_sub(1)?) } else { (k + 1, k + 2, k + 1) };
+        let p = [0, 1].map(|i| index[self.axes[i]] * self.spacing[i]);
+        let behind_mm = *self.gaps.get(behind)?;
+        let rise = caps::rise(&self.places[own], self.places.get(below)?, behind_mm, p, self.gaps[k])?;
+        index[axis] = own as f64 + if outward { rise.share } else { -rise.share };
+        Some(Crossing { place: space.lps(index), error: rise.error, ..*c })
+    }
+
     /// The skin between slices k and k + 1.
-    pub(super) fn between(&self, space: &Space, k: usize, gap: f64) -> Vec<Crossing> {
+    pub(super) fn between(&self, space: &Space, k: usize) -> Vec<Crossing> {
+        let gap = self.gaps[k];
         let (below, above) = (&self.distances[k], &self.distances[k + 1]);
         let [rows, columns] = self.shape;
         let furthest = furthest(gap) as f32;
@@ -161,7 +202,7 @@ impl Contours {
         let parts = (gap / STEP_MM).ceil() as usize;
         for part in 1..parts {
             let t = part as f64 / parts as f64;
-            let at = |i: usize| f64::from(below[i]) * (1.0 - t) + f64::from(above[i]) * t;
+            let at = |i: usize| self.distance(k, t, i);
             for r in 0..rows {
                 for c in 0..columns {
                     let i = r * columns + c;
@@ -188,9 +229,9 @@ impl Contours {
         }
         // The lines across the slices.
         for i in 0..rows * columns {
-            let (a, b) = (f64::from(below[i]), f64::from(above[i]));
+            let (a, b) = (below[i], above[i]);
             if known(i) && (a < 0.0) != (b < 0.0) && steep(i) {
-                let t = a / (a - b);
+                let t = self.zero(k, i);
                 let place = [(i / columns) as f64, (i % columns) as f64];
                 if let Some(made_here) = self.point(space, k, t, gap, place, (2, a < 0.0)) {
                     made.push(made_here);
@@ -198,6 +239,63 @@ impl Contours {
             }
         }
         made
+    }
+
+    /// The distance to the contour at pixel `i`, the share `t` of the way from slice k to k + 1, mm. The
+    /// straight line between the two would cut off what is curved: the next slices on both sides
+    /// tell how much, as far as they agree.
+    fn distance(&self, k: usize, t: f64, i: usize) -> f64 {
+        let (below, above) = (f64::from(self.distances[k][i]), f64::from(self.distances[k + 1][i]));
+        let straight = below * (1.0 - t) + above * t;
+        let gap = self.gaps[k];
+        straight - t * (1.0 - t) * gap * gap * self.bend(k, t, i)
+    }
+
+    /// Half the second derivative of the distance across the slices, per mm.
+    fn bend(&self, k: usize, t: f64, i: usize) -> f64 {
+        let lower = k.checked_sub(1).map_or(f64::NAN, |k| self.second_difference(k, i));
+        let upper = if k + 2 < self.distances.len() { self.second_difference(k, i) } else { f64::NAN };
+        match (lower.is_finite(), upper.is_finite()) {
+            (true, true) if lower * upper > 0.0 => {
+                let limit = BEND_RATIO * lower.abs().min(upper.abs());
+                let (lower, upper) = (lower.clamp(-limit, limit), upper.clamp(-limit, limit));
+                (lower * (2.0 - t) + upper * (1.0 + t)) / 3.0
+            }
+            (true, false) => self.credible(k, i, lower),
+            (false, true) => self.credible(k, i, upper),
+            _ => 0.0,
+        }
+    }
+
+    /// As much of a bend that only one side tells as a round head can have: where the skin is steep it is
+    /// little, and grows with the way that the contour moves.
+    fn credible(&self, k: usize, i: usize, bend: f64) -> f64 {
+        let moved = shift(self.distances[k][i], self.distances[k + 1][i]) / self.gaps[k].powi(2);
+        let limit = 0.5 * (MOST_BENT * moved + 1.0 / LEAST_RADIUS_MM);
+        bend.clamp(-limit, limit)
+    }
+
+    /// The second divided difference of the distances in slices k, k + 1, k + 2, per mm; NaN where one
+    /// of them does not know it.
+    fn second_difference(&self, k: usize, i: usize) -> f64 {
+        let d = |k: usize| f64::from(self.distances[k][i]);
+        let (first, second) = (self.gaps[k], self.gaps[k + 1]);
+        ((d(k + 2) - d(k + 1)) / second - (d(k + 1) - d(k)) / first) / (first + second)
+    }
+
+    /// Where the distance at pixel `i` is 0, as a share of the way from slice k to k + 1.
+    fn zero(&self, k: usize, i: usize) -> f64 {
+        let (mut low, mut high) = (0.0, 1.0);
+        let inside = self.distances[k][i] < 0.0;
+        for _ in 0..20 {
+            let middle = 0.5 * (low + high);
+            if (self.distance(k, middle, i) < 0.0) == inside {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        0.5 * (low + high)
     }
 
     /// A point of skin at `place` (row and column, from `low`), the share `t` of the way from
@@ -255,13 +353,12 @@ impl Contours {
             return None;
         }
         let i = r * columns + c;
-        let (below, above) = (&self.distances[k], &self.distances[k + 1]);
-        let at = |i: usize| f64::from(below[i]) * (1.0 - t) + f64::from(above[i]) * t;
+        let at = |i: usize| self.distance(k, t, i);
         let g = [
             (at(i + columns) - at(i - columns)) / (2.0 * self.spacing[0]),
             (at(i + 1) - at(i - 1)) / (2.0 * self.spacing[1]),
         ];
-        let rise = f64::from(above[i] - below[i]) / gap;
+        let rise = (self.distance(k, t + RISE, i) - self.distance(k, t - RISE, i)) / (2.0 * RISE * gap);
         let in_slice = add(scale(self.units[0], g[0]), scale(self.units[1], g[1]));
         normalised(add(in_slice, scale(space.slice_normal(), rise)))
     }

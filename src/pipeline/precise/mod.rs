@@ -11,7 +11,7 @@
 //! | which tissue is the patient | `kinds`, `couch`, `patient`, `enclosure`, `sheets`, `head` |
 //! | which border is skin | `outside`, `canals` |
 //! | where exactly | `candidates`, `width`, `plateau`, `regions`, `crossings`, `edge` |
-//! | between thick slices | `between`, `contours` |
+//! | between thick slices | `between`, `contours`, `caps` |
 //! | what was not accepted | `stretches` |
 //! | one point a leaf | `leaves`, `order` |
 //! | how far to trust it | `agreement`, `confidence`, `motion`, `assess`, `quality` |
@@ -21,6 +21,7 @@ mod assess;
 mod between;
 mod canals;
 mod candidates;
+mod caps;
 mod confidence;
 mod contours;
 mod couch;

@@ -69,7 +69,7 @@ pub fn reconstruct(
     doubtful.extend(unclear);
     let between = Between::of(&space, &measured);
     if let Some(between) = &between {
-        doubtful.extend(between.reject(&space, &mut measured));
+        doubtful.extend(between.settle(&space, &mut measured));
     }
     let slices = rows(&space, &measured, &doubtful);
     let border = border(&space, &measured, &doubtful);

@@ -32,6 +32,24 @@ fn rms(errors: &[f64]) -> f64 {
     (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
 }
 
+/// The straight way from contour to contour would cut off what is curved, and one slice alone does not
+/// tell where between it and the next the skin is.
+#[test]
+fn between_thick_slices_the_vertex_is_in_its_true_place() {
+    let (phantom, skin) = run(Options { slices: 60, slice_mm: 3.0, ..options() }, 1.0);
+    let skin = skin.expect("a head");
+    let errors: Vec<f64> = errors(&phantom, &skin)
+        .into_iter()
+        .zip(&skin.points)
+        .filter(|(e, p)| p.normal[2] > 0.9 && e.abs() < 3.0)
+        .map(|(e, _)| e)
+        .collect();
+    let bias = errors.iter().sum::<f64>() / errors.len() as f64;
+    assert!(errors.len() > 1000, "only {} points", errors.len());
+    assert!(bias.abs() < 0.06, "bias {bias} mm");
+    assert!(rms(&errors) < 0.15, "rms {} mm", rms(&errors));
+}
+
 #[test]
 fn the_skin_lies_in_its_true_place() {
     let (phantom, skin) = run(options(), 1.0);
