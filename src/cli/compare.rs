@@ -41,6 +41,7 @@ struct Document<'a> {
 pub(super) fn run(args: Args) -> Result<(), Failed> {
     let a = Opened::new(&args.a, args.frame_a)?;
     let b = Opened::new(&args.b, args.frame_b)?;
+    a.check_unit(&b)?;
     let comparison = compare(&a.shape, &b.shape, args.registration.settings())
         .map_err(|empty| Failed::new(Exit::Input, empty))?;
     let document =

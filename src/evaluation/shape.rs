@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::geometry::{Frame, Vec3};
+use crate::geometry::{Frame, Vec3, norm, sub};
 
 /// Points, and the triangles between them if it is a mesh.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -59,6 +59,20 @@ impl Shape {
             self.normals.iter_mut().flatten().for_each(|n| *n = turned(*n));
         }
         self
+    }
+
+    /// The diagonal of the box around the points, mm; 0 without any.
+    #[must_use]
+    pub fn extent_mm(&self) -> f64 {
+        let Some(&first) = self.points.first() else { return 0.0 };
+        let (mut low, mut high) = (first, first);
+        for p in &self.points {
+            for a in 0..3 {
+                low[a] = low[a].min(p[a]);
+                high[a] = high[a].max(p[a]);
+            }
+        }
+        norm(sub(high, low))
     }
 
     /// Drops points whose coordinates are not numbers or beyond 10 km, and triangles that need

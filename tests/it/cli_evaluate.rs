@@ -220,6 +220,8 @@ fn what_cannot_be_measured_ends_with_its_exit_code_and_what_to_do() {
     write("cut.ply", &ply(&points(0.0), "")[..500]);
     write("odd.vtk", "# vtk");
     write("none.ply", &ply(&[[f64::NAN; 3]; 5], ""));
+    let in_metres: Vec<_> = points(0.0).into_iter().map(|p| p.map(|v| v / 1000.0)).collect();
+    write("metres.ply", &ply(&in_metres, ""));
     for (arguments, expected, words) in [
         (&["evaluate", "nowhere.ply", "--truth", "good.ply"][..], 3, "nowhere.ply"),
         (&["evaluate", "cut.ply", "--truth", "good.ply"], 3, "damaged"),
@@ -228,6 +230,13 @@ fn what_cannot_be_measured_ends_with_its_exit_code_and_what_to_do() {
         (&["evaluate", "good.ply", "--truth", "none.ply"], 3, "the truth holds no usable point"),
         (&["evaluate", "good.ply", "--truth", "good.ply", "--axial", "empty.ply"], 3, "the axial cloud"),
         (&["compare", "good.ply", "empty.ply"], 3, "the second cloud"),
+        (
+            &["evaluate", "metres.ply", "--truth", "good.ply"],
+            3,
+            "good.ply is 1000 times as large as metres.ply",
+        ),
+        (&["evaluate", "good.ply", "--truth", "good.ply", "--axial", "metres.ply"], 3, "not in mm"),
+        (&["compare", "good.ply", "metres.ply"], 3, "not in mm"),
         (&["evaluate", "good.ply"], 2, "--truth"),
         (&["evaluate", "good.ply", "--truth", "good.ply", "--overlap", "0"], 2, "a share above 0"),
         (&["compare", "good.ply", "good.ply", "--json", "no/such/folder.json"], 1, "can't be written"),

@@ -103,6 +103,9 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     let cloud = Opened::new(&args.cloud, args.frame)?;
     let truth = Opened::new(&args.truth, args.truth_frame)?;
     let axial = args.axial.as_ref().map(|path| Opened::new(path, args.frame)).transpose()?;
+    for other in [&truth].into_iter().chain(&axial) {
+        cloud.check_unit(other)?;
+    }
     let axial_points = axial.as_ref().map(|axial| axial.shape.points.as_slice());
     let settings = args.registration.settings();
     let evaluation = evaluate(&cloud.shape.points, &truth.shape, axial_points, settings)

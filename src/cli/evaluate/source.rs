@@ -41,6 +41,9 @@ pub(crate) struct Source {
     pub(super) dropped_points: usize,
 }
 
+/// From this ratio of two extents to as far on the other side of 1000, one is in metres and the other in mm.
+const METRES: f64 = 500.0;
+
 /// A shape in LPS mm, with what is to be said of it.
 #[derive(Debug)]
 pub(crate) struct Opened {
@@ -75,5 +78,24 @@ impl Opened {
             dropped_points,
         };
         Ok(Self { shape, source })
+    }
+
+    /// Refuses what is a thousand times as large as the other: one of them is not in mm. Figures of it
+    /// would say nothing, and take long.
+    pub(crate) fn check_unit(&self, other: &Self) -> Result<(), Failed> {
+        let [a, b] = [self, other].map(|opened| opened.shape.extent_mm());
+        let ratio = (a / b).max(b / a);
+        if !(METRES..=1e6 / METRES).contains(&ratio) {
+            return Ok(());
+        }
+        let [first, second] = [&self.source.file, &other.source.file];
+        let (small, large) = if a < b { (first, second) } else { (second, first) };
+        Err(Failed::new(
+            Exit::Input,
+            format!(
+                "{large} is {ratio:.0} times as large as {small}: one of them is not in mm; \
+                 multiply coordinates in metres by 1000"
+            ),
+        ))
     }
 }

@@ -49,10 +49,15 @@ fn kind(header: &str) -> Result<(Number, Endian), FileError> {
         Some("'>f4'") => Ok((Number::F32, Endian::Big)),
         Some("'>f8'") => Ok((Number::F64, Endian::Big)),
         _ => Err(FileError::format(format!(
-            "a NumPy array of type {:?} is not read; save array.astype('<f4')",
-            shortened(descr)
+            "a NumPy array of type {} is not read; save array.astype('<f4')",
+            shortened(name(descr))
         ))),
     }
+}
+
+/// The type's name, if it has one: a record is a list.
+fn name(descr: &str) -> &str {
+    descr.strip_prefix('\'').and_then(|rest| rest.split_once('\'')).map_or(descr, |(name, _)| name)
 }
 
 /// N of the shape (N, 3).

@@ -145,6 +145,8 @@ fn npy_of_both_sizes_and_orders() {
     {
         assert!(read(&file(descr, "False", shape, f32s(false, flat())), "npy").is_err(), "{descr} {shape}");
     }
+    let refused = read(&file("<i4", "False", "(4, 3)", f32s(false, flat())), "npy").unwrap_err().to_string();
+    assert!(refused.contains("of type <i4 is not read; save array.astype('<f4')"), "{refused}");
 }
 
 #[test]
