@@ -29,7 +29,8 @@ const ALIKE: f64 = 16.0;
 const OUTSIDE: f64 = 0.15;
 
 /// How high the skin rises at `p` over a slice with the contour `own`, and the contour `below` in the
-/// slice `below_mm` behind it, where the next slice is `gap` mm away and shows none.
+/// slice `below_mm` behind it, where the next slice is `gap` mm away and shows none. `None` where the
+/// contours do not tell: too few points, no quadric that fits, or a height that is not in the gap.
 pub(super) fn rise(own: &[Place], below: &[Place], below_mm: f64, p: Place, gap: f64) -> Option<Rise> {
     let reach = REACH * gap.sqrt();
     let mut sums = [[0.0; TERMS + 1]; TERMS];

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::levels::Levels;
 use super::space::Space;
+use crate::geometry::norm;
 
 /// A border no more voxels than this from what was filled is none that was measured.
 pub(super) const RIM: usize = 2;
@@ -28,12 +29,14 @@ impl Field {
         for axis in 0..3 {
             let Some(value) = fill_value(space, levels, axis) else { continue };
             let [rows, columns] = others(axis).map(|a| space.shape[a]);
-            let is_filled = |line: usize| {
-                let (first, stride) =
-                    (start(space, axis, line / columns, line % columns), space.stride(axis));
-                (0..space.shape[axis]).all(|i| space.hu[first + i * stride] == value)
-            };
-            let filled: Vec<bool> = (0..rows * columns).into_par_iter().map(is_filled).collect();
+            let is_filled = |line: usize| voxels(space, axis, line).all(|v| v == value);
+            let mut filled: Vec<bool> = (0..rows * columns).into_par_iter().map(is_filled).collect();
+            if levels.is_still_air(f32::from(value)) {
+                // Air itself can have the value all along a line, the patient's too: the circle alone tells.
+                let circle = (axis == space.slice_axis()).then(|| Circle::around(space, axis, &filled));
+                let Some(circle) = circle.filter(|c| c.cuts_tissue(space, levels, value)) else { continue };
+                filled.iter_mut().enumerate().for_each(|(line, is)| *is &= circle.is_near_or_beyond(line));
+            }
             field.distance[axis] = distances(&filled, columns);
         }
         field
@@ -60,27 +63,93 @@ fn others(axis: usize) -> [usize; 2] {
     [[1, 2], [0, 2], [0, 1]][axis]
 }
 
-/// Offset of the first voxel of a line along `axis`.
-fn start(space: &Space, axis: usize, row: usize, column: usize) -> usize {
+/// The voxels of a line along `axis`; lines count by the other two's indices in order.
+fn voxels<'a>(space: &'a Space, axis: usize, line: usize) -> impl Iterator<Item = i16> + 'a {
     let [a, b] = others(axis);
     let mut voxel = [0; 3];
-    (voxel[a], voxel[b]) = (row, column);
-    space.offset(voxel)
+    (voxel[a], voxel[b]) = (line / space.shape[b], line % space.shape[b]);
+    let (first, stride) = (space.offset(voxel), space.stride(axis));
+    (0..space.shape[axis]).map(move |i| space.hu[first + i * stride])
 }
 
-/// The one value of a whole line at a corner, unless it can be air that was measured.
+/// The one value of a whole line at a corner; one that can be air that was measured only if no corner
+/// has another.
 fn fill_value(space: &Space, levels: &Levels, axis: usize) -> Option<i16> {
-    let [a, b] = others(axis).map(|a| space.shape[a] - 1);
-    let corners = [[0, 0], [0, b], [a, 0], [a, b]];
-    corners.into_iter().find_map(|[row, column]| {
-        let (first, stride) = (start(space, axis, row, column), space.stride(axis));
-        let value = space.hu[first];
-        let is_fill = !levels.is_still_air(f32::from(value))
-            && f32::from(value) < levels.middle()
-            && (1..space.shape[axis]).all(|i| space.hu[first + i * stride] == value);
-        is_fill.then_some(value)
-    })
+    let [rows, columns] = others(axis).map(|a| space.shape[a]);
+    let corners = [0, columns - 1, (rows - 1) * columns, rows * columns - 1];
+    let constant = |line: usize| {
+        let value = voxels(space, axis, line).next()?;
+        let is_one = f32::from(value) < levels.middle() && voxels(space, axis, line).all(|v| v == value);
+        is_one.then_some(value)
+    };
+    let values: Vec<i16> = corners.into_iter().filter_map(constant).collect();
+    values.iter().copied().find(|&v| !levels.is_still_air(f32::from(v))).or(values.first().copied())
 }
+
+/// The smallest circle around the middle of the slices that leaves nothing but the fill value outside.
+struct Circle {
+    axis: usize,
+    shape: [usize; 2],
+    spacing: [f64; 2],
+    /// Squared, mm².
+    radius: f64,
+}
+
+impl Circle {
+    fn around(space: &Space, axis: usize, filled: &[bool]) -> Self {
+        let shape = others(axis).map(|a| space.shape[a]);
+        let spacing = others(axis).map(|a| norm(space.mean_step(a)));
+        let mut circle = Self { axis, shape, spacing, radius: 0.0 };
+        let held = (0..filled.len()).filter(|&line| !filled[line]).map(|line| circle.distance(line));
+        circle.radius = held.fold(0.0, f64::max);
+        circle
+    }
+
+    /// Of a line from the middle, squared, mm².
+    fn distance(&self, line: usize) -> f64 {
+        let at = [line / self.shape[1], line % self.shape[1]];
+        (0..2).map(|i| ((at[i] as f64 - (self.shape[i] - 1) as f64 / 2.0) * self.spacing[i]).powi(2)).sum()
+    }
+
+    fn is_beyond(&self, line: usize) -> bool {
+        self.distance(line) > self.radius
+    }
+
+    /// Scan circles lie a little beside the middle.
+    fn is_near_or_beyond(&self, line: usize) -> bool {
+        self.distance(line).sqrt() > self.radius.sqrt() - ASIDE * self.spacing[0].max(self.spacing[1])
+    }
+
+    /// Whether tissue ends at the circle without an edge, as only what was cut does: the scanner blurs
+    /// every true border.
+    fn cuts_tissue(&self, space: &Space, levels: &Levels, fill: i16) -> bool {
+        let [rows, columns] = self.shape;
+        let (mut rim, mut cut, mut anything, mut tissue) = (0usize, 0usize, 0usize, 0usize);
+        for (r, c) in (1..rows - 1).flat_map(|r| (1..columns - 1).map(move |c| (r, c))) {
+            let line = r * columns + c;
+            let beside = [line - columns, line - 1, line + 1, line + columns];
+            if self.is_beyond(line) || !beside.into_iter().any(|l| self.is_beyond(l)) {
+                continue;
+            }
+            let values = || voxels(space, self.axis, line).map(f32::from);
+            let full = values().filter(|&v| v >= levels.upper()).count();
+            rim += 1;
+            cut += usize::from(full > 0);
+            tissue += full;
+            anything += values().filter(|&v| v > f32::from(fill) + FAINT).count();
+        }
+        cut as f64 >= CUT_RIM * rim as f64 && rim > 0 && tissue as f64 >= WITHOUT_EDGE * anything as f64
+    }
+}
+
+/// How far within the circle around the middle the true one may run, pixels.
+const ASIDE: f64 = 4.0;
+/// Tissue at less of the circle than this is none that it cuts.
+const CUT_RIM: f64 = 0.1;
+/// Of the voxels at the circle that hold more than air, so many are full of tissue where it is cut.
+const WITHOUT_EDGE: f64 = 0.8;
+/// A voxel further above the fill value than this holds more than air, HU.
+const FAINT: f32 = 100.0;
 
 /// The distance of every place of a plane from the nearest one that is marked, up to one more than
 /// [`RIM`].

@@ -1,6 +1,6 @@
 //! The whole profile on phantoms whose skin is known.
 
-use super::{Doubt, NoSkin, QualityLimits, Skin, StretchReason, Verdict, reconstruct};
+use super::{Doubt, NoSkin, QualityLimits, Skin, SkinPoint, StretchReason, Verdict, reconstruct};
 use crate::geometry::{Plane, dot};
 use crate::phantom::{Options, Phantom};
 use crate::pipeline::Silent;
@@ -30,6 +30,34 @@ fn errors(phantom: &Phantom, skin: &Skin) -> Vec<f64> {
 
 fn rms(errors: &[f64]) -> f64 {
     (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
+}
+
+/// Then the scan shows no air, and what fills the square could be taken for it.
+#[test]
+fn a_scan_circle_within_the_head_is_no_skin() {
+    const RADIUS_MM: f64 = 70.0;
+    for fill in [-1024, -1000] {
+        let phantom = Phantom::new(options()).expect("the options are in range");
+        let mut volume = phantom.volume();
+        let from_middle = |i: usize| (i as f64 - 127.5) * 0.9;
+        for ((_, y, x), v) in volume.hu.indexed_iter_mut() {
+            if from_middle(y).hypot(from_middle(x)) > RADIUS_MM {
+                *v = fill;
+            }
+        }
+        let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
+        assert!(skin.quality.doubts.contains(&Doubt::CutAtSide), "{:?}", skin.quality.doubts);
+        assert!(skin.quality.verdict != Verdict::Good);
+        // The walls of cavities that the circle lays open remain; they do not lie along it.
+        let middle = volume.grid.lps([0, 127, 127]);
+        let on_circle = |p: &SkinPoint| {
+            let [x, y] = [0, 1].map(|a| f64::from(p.place[a]) - middle[a]);
+            (x.hypot(y) - RADIUS_MM).abs() < 2.5
+        };
+        let errors = errors(&phantom, &skin);
+        let invented = errors.iter().zip(&skin.points).filter(|(e, p)| e.abs() > 3.0 && on_circle(p)).count();
+        assert!(invented * 200 < errors.len(), "{invented} of {} points lie on the circle", errors.len());
+    }
 }
 
 /// The straight way from contour to contour would cut off what is curved, and one slice alone does not
