@@ -136,16 +136,18 @@ impl Search<'_> {
         if self.patient.owns(self.space, place, normal) != Some(true) {
             return None;
         }
+        let ends = self.field_ends(inner, outer);
         match self.outside.beyond(place, normal) {
             Beyond::Outside => {}
+            Beyond::Cut if ends.is_some() => {}
             Beyond::Canal(mm) => return doubt(StretchReason::Canal, mm, self.outside.reach_mm()),
-            Beyond::Inside => return None,
+            Beyond::Inside | Beyond::Cut => return None,
         }
         // First, for a couch wider than the field of view is not the patient's missing skin.
         if let Some(mm) = self.behind(place, normal) {
             return doubt(StretchReason::Foreign, mm, DEPTHS[3] * self.patient.survey.cells.edge);
         }
-        if let Some(voxels) = self.field_ends(inner, outer) {
+        if let Some(voxels) = ends {
             let pixel = self.space.largest_pixel();
             return doubt(StretchReason::FieldOfView, voxels as f64 * pixel, field::RIM as f64 * pixel);
         }

@@ -113,7 +113,8 @@ mod tests {
     fn a_plate_is_a_thin_outline_and_a_block_is_none() {
         let cells = Cells { origin: [0.0; 3], edge: 1.0, shape: [60, 40, 80] };
         let n = cells.len();
-        let survey = Survey { cells, hu: vec![0; n], seen: vec![true; n], below: vec![false; n] };
+        let (below, aside) = (vec![false; n], vec![false; n]);
+        let survey = Survey { cells, hu: vec![0; n], seen: vec![true; n], below, aside };
         let plate = |[x, y, _]: [usize; 3]| (5..55).contains(&x) && (30..34).contains(&y);
         let block = |[x, y, _]: [usize; 3]| (10..30).contains(&x) && (3..23).contains(&y);
         let solid = |at| plate(at) || block(at);

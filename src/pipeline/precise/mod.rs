@@ -9,7 +9,7 @@
 //! | the scan as a field in mm | `space`, `levels`, `field` |
 //! | cells for the search in 3D | `crop`, `survey`, `distance`, `pieces` |
 //! | which tissue is the patient | `kinds`, `couch`, `patient`, `enclosure`, `sheets`, `head` |
-//! | which border is skin | `outside`, `canals` |
+//! | which border is skin | `outside`, `openings`, `canals` |
 //! | where exactly | `candidates`, `width`, `plateau`, `regions`, `crossings`, `edge` |
 //! | between thick slices | `between`, `contours`, `caps` |
 //! | what was not accepted | `stretches` |
@@ -36,6 +36,7 @@ mod kinds;
 mod leaves;
 mod levels;
 mod motion;
+mod openings;
 mod order;
 mod outside;
 mod patient;

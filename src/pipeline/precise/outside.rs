@@ -6,6 +6,7 @@ use super::canals::close_canals;
 use super::distance::squared_distance;
 use super::enclosure::enclosure;
 use super::kinds::Cell;
+use super::openings::laid_open;
 use super::patient::Patient;
 use super::pieces::Pieces;
 use super::survey::Cells;
@@ -27,6 +28,8 @@ pub(super) enum Beyond {
     Outside,
     /// A nostril, an ear canal, the slit of a mouth; so many mm before the border.
     Canal(f64),
+    /// The border of the field of view, where it cuts the patient.
+    Cut,
     /// A cavity, or another body.
     Inside,
 }
@@ -47,6 +50,8 @@ pub(super) const OPEN: u8 = 1;
 pub(super) const CANAL: u8 = 2;
 /// Air that the ball does not reach.
 pub(super) const ENCLOSED: u8 = 3;
+/// What shuts the openings where the border of the field of view cuts the patient.
+const SHUT: u8 = 4;
 
 /// The air that a ball reaches from the sides of the scan.
 #[derive(Debug)]
@@ -56,17 +61,19 @@ pub(super) struct Open {
 }
 
 impl Open {
-    /// Walks in from the sides of the scan, not from below its lower end: what the scan cuts open
-    /// there (a mouth, a windpipe) is no outside. Another body lets pass, and so does what hangs on the
-    /// patient, for the skin behind it is skin where a gap shows it; but not into the body.
+    /// Walks in from the sides of the scan, not from below its lower end nor where the field of view
+    /// cuts the patient: what is cut open there (a mouth, a windpipe, a sinus) is no outside. Another
+    /// body lets pass, and so does what hangs on the patient, for the skin behind it is skin where a gap
+    /// shows it; but not into the body.
     pub(super) fn find(patient: &Patient) -> Self {
         let (cells, kinds) = (patient.survey.cells, &patient.kinds);
-        let below = |i: usize| patient.survey.below[i];
-        let mut open = flood(&cells, |i| matches!(kinds[i], Cell::Patient | Cell::Attached) || below(i));
+        let laid_open = laid_open(&patient.survey, kinds);
+        let shut = |i: usize| patient.survey.below[i] || laid_open.get(i).is_some_and(|l| *l);
+        let mut open = flood(&cells, |i| matches!(kinds[i], Cell::Patient | Cell::Attached) || shut(i));
         if kinds.contains(&Cell::Attached) {
-            let through = flood(&cells, |i| kinds[i] == Cell::Patient || below(i));
+            let through = flood(&cells, |i| kinds[i] == Cell::Patient || shut(i));
             open.par_iter_mut().zip(through).enumerate().for_each(|(i, (open, through))| {
-                let solid = kinds[i] == Cell::Patient || below(i);
+                let solid = kinds[i] == Cell::Patient || shut(i);
                 if solid != (*open == SOLID) {
                     *open = ENCLOSED;
                 }
@@ -75,6 +82,9 @@ impl Open {
                     *open = OPEN;
                 }
             });
+        }
+        for i in (0..laid_open.len()).filter(|&i| laid_open[i] && kinds[i] != Cell::Patient) {
+            open[i] = SHUT;
         }
         Self { cells, open }
     }
@@ -120,7 +130,7 @@ impl Outside {
         close_canals(&cells, &mut open);
         // Both cells' corners on the way to the furthest place that is asked.
         let reach = ((STEPS_OUT[0] + 3f64.sqrt()).powi(2)).floor() as u16;
-        let distance = squared_distance(cells.shape, reach, |i| matches!(open[i], OPEN | CANAL));
+        let distance = squared_distance(cells.shape, reach, |i| matches!(open[i], OPEN | CANAL | SHUT));
         let near = distance.into_iter().map(|d| d != u16::MAX).collect();
         Self { cells, open, near }
     }
@@ -146,6 +156,7 @@ impl Outside {
                     CANAL if step < 2.0 => return Beyond::Canal(step * self.cells.edge),
                     CANAL => side = Beyond::Canal(step * self.cells.edge),
                     ENCLOSED => side = Beyond::Inside,
+                    SHUT => side = Beyond::Cut,
                     _ => {}
                 }
             }

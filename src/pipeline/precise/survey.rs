@@ -38,6 +38,8 @@ pub(super) struct Survey {
     pub(super) seen: Vec<bool>,
     /// Whether it lies below the lowest of them.
     pub(super) below: Vec<bool>,
+    /// Whether it lies beside the field of view, in the height of the scan.
+    pub(super) aside: Vec<bool>,
 }
 
 impl Survey {
@@ -47,20 +49,24 @@ impl Survey {
         let mut hu = vec![0; cells.len()];
         let mut seen = vec![false; cells.len()];
         let mut below = vec![false; cells.len()];
-        let rows = hu.par_chunks_mut(nx).zip(seen.par_chunks_mut(nx)).zip(below.par_chunks_mut(nx));
-        rows.enumerate().for_each(|(row, ((hu, seen), below))| {
+        let mut aside = vec![false; cells.len()];
+        let values = hu.par_chunks_mut(nx).zip(seen.par_chunks_mut(nx));
+        let rows = values.zip(below.par_chunks_mut(nx)).zip(aside.par_chunks_mut(nx));
+        rows.enumerate().for_each(|(row, (((hu, seen), below), aside))| {
             let start = cells.centre([0, row % ny, row / ny]);
-            for (x, ((hu, seen), below)) in hu.iter_mut().zip(seen).zip(below).enumerate() {
+            let row = hu.iter_mut().zip(seen).zip(below).zip(aside);
+            for (x, (((hu, seen), below), aside)) in row.enumerate() {
                 let p = [start[0] + x as f64 * cells.edge, start[1], start[2]];
                 let index = space.index(p);
                 let clamped = space.within(index);
                 *seen = clamped == index && field.holds(nearest(index));
                 *below = index[0] > clamped[0];
+                *aside = !*seen && index[0] == clamped[0];
                 let v = space.sample_index(clamped).unwrap_or(0.0);
                 *hu = (v + 0.5f32.copysign(v)) as i16;
             }
         });
-        Self { cells, hu, seen, below }
+        Self { cells, hu, seen, below, aside }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The whole profile on phantoms whose skin is known.
 
-use super::{Doubt, NoSkin, QualityLimits, Skin, SkinPoint, StretchReason, Verdict, reconstruct};
+use super::{Doubt, NoSkin, QualityLimits, Skin, StretchReason, Verdict, reconstruct};
 use crate::geometry::{Plane, dot};
 use crate::phantom::{Options, Phantom};
 use crate::pipeline::Silent;
@@ -48,15 +48,10 @@ fn a_scan_circle_within_the_head_is_no_skin() {
         let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
         assert!(skin.quality.doubts.contains(&Doubt::CutAtSide), "{:?}", skin.quality.doubts);
         assert!(skin.quality.verdict != Verdict::Good);
-        // The walls of cavities that the circle lays open remain, few of them along it.
-        let middle = volume.grid.lps([0, 127, 127]);
-        let on_circle = |p: &SkinPoint| {
-            let [x, y] = [0, 1].map(|a| f64::from(p.place[a]) - middle[a]);
-            (x.hypot(y) - RADIUS_MM).abs() < 2.5
-        };
+        // Neither along the circle nor on the walls of the cavities that it lays open.
         let errors = errors(&phantom, &skin);
-        let invented = errors.iter().zip(&skin.points).filter(|(e, p)| e.abs() > 3.0 && on_circle(p)).count();
-        assert!(invented * 100 < errors.len(), "{invented} of {} points lie on the circle", errors.len());
+        let invented = errors.iter().filter(|e| e.abs() > 3.0).count();
+        assert!(invented * 1000 < errors.len(), "{invented} of {} points are no skin", errors.len());
     }
 }
 
