@@ -4,10 +4,13 @@ use rayon::prelude::*;
 
 use super::crossings::Crossing;
 use super::leaves::key;
-use crate::geometry::{Vec3, add, dot, normalised};
+use crate::geometry::{Vec3, add, cross, dot, normalised, scale, sub};
 
 /// How far around a point its neighbours are taken, mm.
 const REACH_MM: f64 = 2.0;
+/// Neighbours nearly in a row tell no slope across it: least determinant of their spread, of its
+/// trace squared.
+const LEAST_SPREAD: f64 = 0.01;
 /// With fewer neighbours nothing can be said.
 const LEAST: usize = 8;
 
@@ -20,6 +23,9 @@ pub(super) struct Agreement {
     pub(super) scatter: f64,
     /// Mean curvature of that surface, 1/mm; positive where it bulges outward.
     pub(super) curvature: f64,
+    /// Its outward unit normal at the point, which hundreds of places tell better than the noisy
+    /// voxels next to it; the point's own without enough neighbours.
+    pub(super) normal: Vec3,
     /// How many neighbours there were.
     neighbours: usize,
 }
@@ -96,31 +102,60 @@ impl Neighbourhood {
         });
         let n = near.len();
         if n < LEAST {
-            return Agreement { neighbours: n, ..Agreement::default() };
+            return Agreement { normal: own, neighbours: n, ..Agreement::default() };
         }
         let normal = normalised(normal.map(f64::from)).unwrap_or(own);
         let count = n as f64;
         let (mut mq, mut mh) = (0.0, 0.0);
-        let mut heights: Vec<(f64, f64)> = Vec::with_capacity(n);
+        let tangent = tangents(normal);
+        let mut heights: Vec<[f64; 4]> = Vec::with_capacity(n);
         for d in &near {
             let d = d.map(f64::from);
             let h = dot(d, normal);
             let q = dot(d, d) - h * h;
             mq += q;
             mh += h;
-            heights.push((q, h));
+            heights.push([q, h, dot(d, tangent[0]), dot(d, tangent[1])]);
         }
         mq /= count;
         mh /= count;
         let (mut spread, mut common) = (0.0, 0.0);
-        for (q, h) in &heights {
+        for [q, h, ..] in &heights {
             spread += (q - mq).powi(2);
             common += (q - mq) * (h - mh);
         }
         let slope = if spread > 1e-6 * count { common / spread } else { 0.0 };
         let offset = mh - slope * mq;
-        let residuals = heights.iter().map(|(q, h)| (h - offset - slope * q).powi(2));
-        let scatter = (residuals.sum::<f64>() / count).sqrt();
-        Agreement { offset, scatter, curvature: -2.0 * slope, neighbours: n }
+        let mut squared = 0.0;
+        let (mut uu, mut uv, mut vv, mut ur, mut vr) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for [q, h, u, v] in heights {
+            let residual = h - offset - slope * q;
+            squared += residual * residual;
+            uu += u * u;
+            uv += u * v;
+            vv += v * v;
+            ur += u * residual;
+            vr += v * residual;
+        }
+        let scatter = (squared / count).sqrt();
+        // The slope of what is left over.
+        let area = uu * vv - uv * uv;
+        let rise = if area > LEAST_SPREAD * (uu + vv).powi(2) {
+            [(vv * ur - uv * vr) / area, (uu * vr - uv * ur) / area]
+        } else {
+            [0.0; 2]
+        };
+        let tilted = sub(normal, add(scale(tangent[0], rise[0]), scale(tangent[1], rise[1])));
+        let normal = normalised(tilted).filter(|n| dot(*n, own) > 0.0).unwrap_or(own);
+        Agreement { offset, scatter, curvature: -2.0 * slope, normal, neighbours: n }
     }
+}
+
+/// Two unit vectors at right angles to `n` and each other.
+fn tangents(n: Vec3) -> [Vec3; 2] {
+    let least = (0..3).min_by(|&a, &b| n[a].abs().total_cmp(&n[b].abs())).unwrap_or(0);
+    let mut axis = [0.0; 3];
+    axis[least] = 1.0;
+    let u = normalised(cross(n, axis)).unwrap_or([0.0; 3]);
+    [u, cross(n, u)]
 }

@@ -140,7 +140,8 @@ impl Clouds {
             let point = |i: &u32| {
                 let leaf = &leaves[*i as usize];
                 let planes = planes.map_or(leaf.planes, PlaneSet::from);
-                SkinPoint::of(&all[leaf.crossing as usize], state(leaf).1, planes)
+                let (agreement, error) = state(leaf);
+                SkinPoint::of(&all[leaf.crossing as usize], agreement.normal, *error, planes)
             };
             order::by_detail(&places, leaf).par_iter().map(point).collect()
         };

@@ -10,7 +10,7 @@ use crate::geometry::{Plane, PlaneSet, Vec3};
 pub struct SkinPoint {
     /// LPS mm.
     pub place: [f32; 3],
-    /// Outward unit normal, LPS.
+    /// Outward unit normal of the surface that its neighbours within 2 mm make, LPS.
     pub normal: [f32; 3],
     /// Expected error along the normal, mm.
     pub error: f32,
@@ -19,9 +19,9 @@ pub struct SkinPoint {
 }
 
 impl SkinPoint {
-    pub(super) fn of(crossing: &Crossing, error: f64, planes: PlaneSet) -> Self {
+    pub(super) fn of(crossing: &Crossing, normal: Vec3, error: f64, planes: PlaneSet) -> Self {
         let single = |v: Vec3| v.map(|v| v as f32);
-        Self { place: single(crossing.place), normal: single(crossing.normal), error: error as f32, planes }
+        Self { place: single(crossing.place), normal: single(normal), error: error as f32, planes }
     }
 }
 
