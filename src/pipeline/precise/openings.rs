@@ -3,34 +3,86 @@
 use rayon::prelude::*;
 
 use super::distance::squared_distance;
+use super::field::Field;
 use super::kinds::Cell;
-use super::survey::Survey;
+use super::levels::Levels;
+use super::space::{Space, nearest};
+use super::survey::{Cells, Survey};
 
 /// What is so near the border of the field of view meets it, in cells: a cell upon it holds a mixture.
 const AT_BORDER: f64 = 2.0;
-/// Where air meets the border so far from the patient, it is outside; what joins it there, too, mm.
+/// Where air meets the border so far from where it cuts the patient, it is outside; what joins it there,
+/// too, mm.
 const WIDE_MM: f64 = 15.0;
 /// So far beyond the border nothing is asked, in cells.
 const BEYOND: f64 = 3.0;
 
-/// The cells that shut the openings in the patient where the border of the field of view cuts it:
-/// where air between cut tissue is narrower there than twice [`WIDE_MM`]. Empty if nothing is cut.
-pub(super) fn laid_open(survey: &Survey, kinds: &[Cell]) -> Vec<bool> {
-    let (cells, aside) = (&survey.cells, &survey.aside);
-    let squared = |reach: f64| (reach * reach).floor() as u16;
-    if !aside.par_iter().any(|a| *a) {
-        return Vec::new();
+/// How a cell lies to the border of the field of view.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum At {
+    Elsewhere,
+    /// At the border, where the last voxels hold no tissue.
+    Border,
+    /// At the border, where the last voxels hold tissue.
+    Tissue,
+}
+
+/// Where the border of the field of view runs through tissue.
+#[derive(Debug)]
+pub(super) struct FieldBorder(Vec<At>);
+
+impl FieldBorder {
+    /// Looks at the last voxels before the border: skin right next to it, even a voxel away, shows air
+    /// there.
+    pub(super) fn of(space: &Space, levels: &Levels, field: &Field, survey: &Survey) -> Self {
+        let (cells, aside) = (&survey.cells, &survey.aside);
+        if !aside.par_iter().any(|a| *a) {
+            return Self(Vec::new());
+        }
+        let near = squared_distance(cells.shape, squared(AT_BORDER), |i| aside[i]);
+        let at = |i: usize| match near[i] {
+            u16::MAX => At::Elsewhere,
+            _ if aside[i] => At::Elsewhere,
+            _ if ends_in_tissue(space, levels, field, cells, i) => At::Tissue,
+            _ => At::Border,
+        };
+        Self((0..cells.len()).into_par_iter().map(at).collect())
     }
-    let near = squared_distance(cells.shape, squared(AT_BORDER), |i| aside[i]);
-    let border = |i: usize| near[i] != u16::MAX && !aside[i];
-    let cut = |i: usize| border(i) && kinds[i] == Cell::Patient;
-    if !(0..cells.len()).into_par_iter().any(cut) {
-        return Vec::new();
+
+    /// The cells that shut the openings in the patient where the border cuts it: where air between
+    /// cut tissue is narrower there than twice [`WIDE_MM`]. Empty if nothing is cut.
+    pub(super) fn laid_open(&self, survey: &Survey, kinds: &[Cell]) -> Vec<bool> {
+        let (Self(at), cells) = (self, &survey.cells);
+        let cut = |i: usize| at[i] == At::Tissue && kinds[i] == Cell::Patient;
+        if !(0..at.len()).into_par_iter().any(cut) {
+            return Vec::new();
+        }
+        let border = |i: usize| at[i] != At::Elsewhere;
+        let wide = cells.squared(WIDE_MM);
+        let from_cut = squared_distance(cells.shape, wide, cut);
+        let from_wide = squared_distance(cells.shape, wide, |i| border(i) && from_cut[i] == u16::MAX);
+        let narrow = |i: usize| border(i) && kinds[i] != Cell::Patient && from_wide[i] == u16::MAX;
+        let beyond = squared_distance(cells.shape, squared(BEYOND), narrow);
+        let shuts = |i: usize| narrow(i) || (survey.aside[i] && beyond[i] != u16::MAX);
+        (0..cells.len()).into_par_iter().map(shuts).collect()
     }
-    let wide = cells.squared(WIDE_MM);
-    let from_cut = squared_distance(cells.shape, wide, cut);
-    let from_wide = squared_distance(cells.shape, wide, |i| border(i) && from_cut[i] == u16::MAX);
-    let narrow = |i: usize| border(i) && kinds[i] != Cell::Patient && from_wide[i] == u16::MAX;
-    let beyond = squared_distance(cells.shape, squared(BEYOND), narrow);
-    (0..cells.len()).into_par_iter().map(|i| narrow(i) || (aside[i] && beyond[i] != u16::MAX)).collect()
+}
+
+/// Whether a voxel in a cell or next to it is the last one before the border and holds tissue.
+fn ends_in_tissue(space: &Space, levels: &Levels, field: &Field, cells: &Cells, cell: usize) -> bool {
+    let middle = nearest(space.clamped(cells.centre(cells.cell(cell))));
+    let range = |a: usize| middle[a].saturating_sub(1)..(middle[a] + 2).min(space.shape[a]);
+    let is_last = |v: [usize; 3]| {
+        field.distance(v) == Some(1) || [1, 2].into_iter().any(|a| v[a] == 0 || v[a] + 1 == space.shape[a])
+    };
+    range(1).any(|y| {
+        range(2).any(|x| {
+            let voxel = [middle[0], y, x];
+            is_last(voxel) && space.voxel(voxel) >= levels.middle()
+        })
+    })
+}
+
+fn squared(reach: f64) -> u16 {
+    (reach * reach).floor() as u16
 }

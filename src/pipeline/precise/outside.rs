@@ -6,7 +6,6 @@ use super::canals::close_canals;
 use super::distance::squared_distance;
 use super::enclosure::enclosure;
 use super::kinds::Cell;
-use super::openings::laid_open;
 use super::patient::Patient;
 use super::pieces::Pieces;
 use super::survey::Cells;
@@ -67,7 +66,7 @@ impl Open {
     /// shows it; but not into the body.
     pub(super) fn find(patient: &Patient) -> Self {
         let (cells, kinds) = (patient.survey.cells, &patient.kinds);
-        let laid_open = laid_open(&patient.survey, kinds);
+        let laid_open = patient.field_border.laid_open(&patient.survey, kinds);
         let shut = |i: usize| patient.survey.below[i] || laid_open.get(i).is_some_and(|l| *l);
         let mut open = flood(&cells, |i| matches!(kinds[i], Cell::Patient | Cell::Attached) || shut(i));
         if kinds.contains(&Cell::Attached) {

@@ -13,6 +13,7 @@ use super::enclosure::enclosure;
 use super::field::Field;
 use super::kinds::{BALL_MM, Cell, tissue};
 use super::levels::Levels;
+use super::openings::FieldBorder;
 use super::outside::Open;
 use super::pieces::Pieces;
 use super::sheets;
@@ -44,6 +45,8 @@ pub(super) struct Patient {
     pub(super) kinds: Vec<Cell>,
     /// Whether each is near one that holds something other than air and patient.
     pub(super) near_foreign: Vec<bool>,
+    /// Where the field of view ends.
+    pub(super) field_border: FieldBorder,
     pieces: Pieces,
     own: Vec<bool>,
 }
@@ -81,7 +84,8 @@ impl Patient {
         for i in lent.into_iter().filter(|&i| near[i] == u16::MAX) {
             kinds[i] = Cell::Other;
         }
-        let mut patient = Self { survey, kinds, near_foreign: Vec::new(), pieces, own };
+        let field_border = FieldBorder::of(space, levels, field, &survey);
+        let mut patient = Self { survey, kinds, near_foreign: Vec::new(), field_border, pieces, own };
         let open = Open::find(&patient);
         sheets::peel(space, levels, &patient.survey.cells, &mut patient.kinds, |i| open.is_open(i));
         patient.judge_parts(&near);
