@@ -21,6 +21,7 @@ const REJECTED: Rgb<u8> = Rgb([255, 0, 0]);
 const STRETCHES: [(&str, Rgb<u8>); StretchReason::ALL.len()] = [
     ("red", REJECTED),
     ("orange", Rgb([255, 150, 0])),
+    ("violet", Rgb([160, 90, 255])),
     ("blue", Rgb([70, 130, 255])),
     ("magenta", Rgb([255, 0, 255])),
     ("yellow", Rgb([255, 255, 0])),

@@ -131,7 +131,7 @@ pub(super) fn quality(
         clipped_air: levels.clipped.is_some(),
         edge_in_plane_mm: width.in_plane(),
         edge_across_mm: width.across(),
-        slice_mm: widest_gap(space),
+        slice_mm: space.gaps().into_iter().fold(0.0, f64::max),
         motion_mm: largest_step(space, measured, head.middle),
         cut_above_cm2: head.cut_above_cm2,
         cut_below_cm2: head.cut_below_cm2,
@@ -168,10 +168,4 @@ fn spread(mut offsets: Vec<f64>) -> Option<(f64, f64)> {
     let rank = offsets.len() * 95 / 100;
     let (_, p95, _) = offsets.select_nth_unstable_by(rank, f64::total_cmp);
     Some((mean, *p95))
-}
-
-fn widest_gap(space: &Space) -> f64 {
-    let axis = space.slice_axis();
-    let gap = |k| dot(space.step_at(axis, k), space.slice_normal()).abs();
-    (0..space.shape[axis] - 1).map(gap).fold(0.0, f64::max)
 }

@@ -33,10 +33,7 @@ pub(super) struct Between {
 impl Between {
     /// `None` where the slices lie so close that they need no help.
     pub(super) fn of(space: &Space, crossings: &[Crossing]) -> Option<Self> {
-        let axis = space.slice_axis();
-        let gaps: Vec<f64> = (0..space.shape[axis] - 1)
-            .map(|k| dot(space.step_at(axis, k), space.slice_normal()).abs())
-            .collect();
+        let gaps = space.gaps();
         if gaps.iter().all(|&g| g < NEAR_MM) {
             return None;
         }

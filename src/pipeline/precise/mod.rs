@@ -11,6 +11,7 @@
 //! | which tissue is the patient | `kinds`, `couch`, `patient`, `enclosure`, `sheets`, `head` |
 //! | which border is skin | `outside`, `openings`, `canals` |
 //! | where exactly | `candidates`, `width`, `plateau`, `regions`, `crossings`, `edge` |
+//! | what lies on it | `surface`, `fill`, `covered` |
 //! | between thick slices | `between`, `contours`, `caps` |
 //! | what was not accepted | `stretches` |
 //! | one point a leaf | `leaves`, `order` |
@@ -25,12 +26,14 @@ mod caps;
 mod confidence;
 mod contours;
 mod couch;
+mod covered;
 mod crop;
 mod crossings;
 mod distance;
 mod edge;
 mod enclosure;
 mod field;
+mod fill;
 mod head;
 mod kinds;
 mod leaves;
@@ -50,6 +53,7 @@ mod sides;
 mod skin;
 mod space;
 mod stretches;
+mod surface;
 mod survey;
 mod width;
 

@@ -7,6 +7,7 @@ use super::assess::Areas;
 use super::between::Between;
 use super::candidates::{self, Doubtful};
 use super::confidence::Confidence;
+use super::covered::Covered;
 use super::crossings::{self, Crossing};
 use super::field::Field;
 use super::head::Head;
@@ -71,15 +72,18 @@ pub fn reconstruct(
     if let Some(between) = &between {
         doubtful.extend(between.settle(&space, &mut measured));
     }
+    let mut filled = between.map(|between| between.fill(&space, measured.clone()));
+    let covered = Covered::of(&space, filled.as_ref().unwrap_or(&measured));
+    doubtful.extend(covered.take(&space, &mut measured));
+    if let Some(filled) = &mut filled {
+        covered.take(&space, filled);
+    }
     let slices = rows(&space, &measured, &doubtful);
     let border = border(&space, &measured, &doubtful);
     go_on(Stage::Crossings, 1.0)?;
     let areas = Areas::of(&space, &patient, &head, &measured, &doubtful);
     drop((patient, doubtful));
-    let all = match between {
-        Some(between) => between.fill(&space, measured),
-        None => measured,
-    };
+    let all = filled.unwrap_or(measured);
     go_on(Stage::Downsampling, 0.0)?;
     let clouds = Clouds::of(&space, &width, &all, leaf_mm);
     let quality = assess::quality(&space, &levels, &width, &head, &areas, &all, &clouds.agreements);

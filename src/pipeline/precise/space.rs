@@ -133,6 +133,12 @@ impl<'a> Space<'a> {
         }
     }
 
+    /// From each slice to the next, mm.
+    pub(super) fn gaps(&self) -> Vec<f64> {
+        let axis = self.slice_axis();
+        (0..self.shape[axis] - 1).map(|k| dot(self.step_at(axis, k), self.slice_normal()).abs()).collect()
+    }
+
     /// The longer edge of a pixel of the slices, mm.
     pub(super) fn largest_pixel(&self) -> f64 {
         self.in_plane.map(|a| norm(self.step[a])).into_iter().fold(0.0, f64::max)

@@ -22,6 +22,8 @@ pub enum StretchReason {
     Foreign,
     /// Something foreign touches the skin right beside.
     Touching,
+    /// Something as large as a mask or a strap lies on the skin without a gap: a ledge runs around it.
+    Covered,
     /// The image or its field of view ends here.
     FieldOfView,
     /// The rim of a nostril, an ear canal or the mouth: behind it is inside.
@@ -33,8 +35,8 @@ pub enum StretchReason {
 
 impl StretchReason {
     /// All reasons.
-    pub const ALL: [Self; 5] =
-        [Self::Foreign, Self::Touching, Self::FieldOfView, Self::Canal, Self::Unresolved];
+    pub const ALL: [Self; 6] =
+        [Self::Foreign, Self::Touching, Self::Covered, Self::FieldOfView, Self::Canal, Self::Unresolved];
 
     /// The one name in report, metrics and documentation.
     #[must_use]
@@ -42,6 +44,7 @@ impl StretchReason {
         match self {
             Self::Foreign => "foreign",
             Self::Touching => "touching",
+            Self::Covered => "covered",
             Self::FieldOfView => "field_of_view",
             Self::Canal => "canal",
             Self::Unresolved => "unresolved",
@@ -57,7 +60,8 @@ pub struct Stretch {
     /// Its length along the contour, mm.
     pub length_mm: f64,
     /// What was measured where it was measured worst: mm to the other body, to the canal or to the end
-    /// of the field of view; how far off the skin could be, mm (`unresolved`).
+    /// of the field of view; how far off the skin could be, mm (`unresolved`); the share of its rim
+    /// that is a ledge (`covered`).
     pub measured: f64,
     /// The limit it was held against, in the same unit.
     pub limit: f64,

@@ -1,7 +1,7 @@
 //! The whole profile on phantoms whose skin is known.
 
-use super::{Doubt, NoSkin, QualityLimits, Skin, StretchReason, Verdict, reconstruct};
-use crate::geometry::{Plane, dot};
+use super::{Doubt, NoSkin, QualityLimits, Side, Skin, StretchReason, Verdict, reconstruct};
+use crate::geometry::{Plane, Vec3, dot};
 use crate::phantom::{Options, Phantom};
 use crate::pipeline::Silent;
 
@@ -55,6 +55,72 @@ fn a_scan_circle_within_the_head_is_no_skin() {
     }
 }
 
+/// The volume with a shell of plastic on the skin where `region` is, and the share of skin that it hides.
+fn with_shell(
+    phantom: &Phantom,
+    thickness: f64,
+    region: impl Fn(Vec3) -> bool,
+) -> (crate::dicom::Volume, f64) {
+    const PLASTIC_HU: f64 = 60.0;
+    let mut volume = phantom.volume();
+    let grid = volume.grid.clone();
+    for (index, v) in volume.hu.indexed_iter_mut() {
+        let p = grid.lps([index.0, index.1, index.2]);
+        if !region(p) {
+            continue;
+        }
+        let outside = phantom.signed_distance(p);
+        // With what the edge's half voxels lend to air.
+        let share = ((thickness - outside) / 0.9 + 0.5).clamp(0.0, 1.0);
+        if outside > -0.45 {
+            *v = (*v).max((-1000.0 + (PLASTIC_HU + 1000.0) * share) as i16);
+        }
+    }
+    let spots = phantom.skin_points(3.0);
+    let share = spots.iter().filter(|p| region(**p)).count() as f64 / spots.len() as f64;
+    (volume, share)
+}
+
+/// Half of a face, so that left and right can't be mixed up; the rest of the head keeps its skin.
+#[test]
+fn a_mask_without_a_gap_is_no_skin() {
+    let phantom = Phantom::new(Options { slice_mm: 1.5, slices: 120, ..options() }).expect("in range");
+    let (volume, hidden) = with_shell(&phantom, 2.5, |[x, y, z]| y < -10.0 && x < 15.0 && z.abs() < 60.0);
+    let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
+    let errors = errors(&phantom, &skin);
+    let invented = errors.iter().filter(|e| e.abs() > 1.0).count();
+    assert!(invented * 500 < errors.len(), "{invented} of {} points lie on the mask", errors.len());
+    let missing = |reason, side| {
+        let of_both = skin.quality.missing.iter().filter(|m| m.reason == reason && m.side == side);
+        of_both.map(|m| m.area_cm2).sum::<f64>()
+    };
+    let of_side = |side| missing(StretchReason::Covered, side);
+    assert!(of_side(Side::Right) > 5.0 * of_side(Side::Left).max(1.0), "{:?}", skin.quality.missing);
+    let stated = 1.0 - skin.quality.coverage;
+    assert!((0.8..1.3).contains(&(stated / hidden)), "{hidden} of the skin is hidden, {stated} missing");
+    assert!(skin.quality.doubts.contains(&Doubt::Coverage), "{:?}", skin.quality.doubts);
+}
+
+/// He stands out on one side as a mask would, but back on the other.
+#[test]
+fn a_patient_who_moved_wears_no_mask() {
+    let phantom = Phantom::new(options()).expect("the options are in range");
+    let mut volume = phantom.volume();
+    let still = volume.hu.clone();
+    for ((z, y, x), v) in volume.hu.indexed_iter_mut() {
+        if z > 45 {
+            *v = still[[z, y.saturating_sub(2), x]];
+        }
+    }
+    let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
+    assert!(skin.quality.doubts.contains(&Doubt::Motion), "{:?}", skin.quality.doubts);
+    assert!(
+        skin.quality.missing.iter().all(|m| m.reason != StretchReason::Covered),
+        "{:?}",
+        skin.quality.missing
+    );
+}
+
 /// The straight way from contour to contour would cut off what is curved, and one slice alone does not
 /// tell where between it and the next the skin is.
 #[test]
@@ -84,6 +150,8 @@ fn the_skin_lies_in_its_true_place() {
     assert!(stray < 0.002, "{stray} of the points are no skin");
     assert!(rms(&near) < 0.15, "rms {} mm", rms(&near));
     assert!(bias.abs() < 0.03, "bias {bias} mm");
+    let covered = |reason| reason == StretchReason::Covered;
+    assert!(!skin.quality.missing.iter().any(|m| covered(m.reason)), "{:?}", skin.quality.missing);
     let truth = phantom.skin_points(3.0);
     let covered = truth
         .iter()

@@ -1,0 +1,249 @@
+//! The skin as a mesh of nodes, coarse enough that all of it can be searched along the skin.
+
+use std::cmp::Ordering;
+
+use rayon::prelude::*;
+
+use super::crossings::Crossing;
+use super::leaves::key;
+use crate::geometry::{Vec3, add, dot, norm, normalised, scale, sub};
+
+/// Nodes are linked with those no further away than so many leaves.
+const REACH: f64 = 2.4;
+/// Nor with what lies behind them on a thin part: least cosine between two linked normals.
+const FACING: f64 = -0.2;
+
+/// Sine of a link's rise over the skin at large from which it is a ledge.
+const LEDGE: f32 = 0.3;
+/// Times that normals are smoothed: a ledge stands on the skin of some 10 leaves around.
+const SMOOTHED: usize = 30;
+
+/// Nodes, one for each leaf with crossings, and the links between those beside each other.
+#[derive(Debug)]
+pub(super) struct Surface {
+    /// Edge of a leaf, mm.
+    pub(super) leaf: f64,
+    /// The leaf of each node, as [`key`] names it; ascending.
+    pub(super) leaves: Vec<u64>,
+    /// LPS mm.
+    pub(super) places: Vec<Vec3>,
+    /// Where the links of each node begin, and where those of the last end.
+    starts: Vec<u32>,
+    /// The ends of all links.
+    ends: Vec<u32>,
+    /// How all links rise.
+    rises: Vec<f32>,
+}
+
+/// The links across the gap between two slices, and those of them that are ledges, upward or downward.
+#[derive(Debug, Clone, Copy, Default)]
+struct Step {
+    links: f64,
+    up: f64,
+    down: f64,
+}
+
+/// A link with so much of its length across the slices leads across them.
+const ACROSS: f64 = 0.5;
+/// Least share of ledges, up as well as down, where the patient moved.
+const MOVED: f64 = 0.08;
+
+impl Step {
+    fn is_of_motion(&self) -> bool {
+        self.up.min(self.down) > MOVED * self.links
+    }
+}
+
+/// A link from one node to another.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Link {
+    /// The other node.
+    pub(super) to: usize,
+    /// How steeply it rises over the skin at large: the sine of the angle, positive where the other
+    /// node lies further out.
+    pub(super) rise: f32,
+}
+
+impl Link {
+    /// Whether it rises or falls like a ledge.
+    pub(super) fn is_ledge(self) -> bool {
+        self.rise.abs() > LEDGE
+    }
+}
+
+impl Surface {
+    /// The mesh of all crossings with leaves of edge `leaf` mm.
+    pub(super) fn of(crossings: &[Crossing], leaf: f64) -> Self {
+        let mut keyed: Vec<(u64, u32)> =
+            crossings.par_iter().enumerate().map(|(i, c)| (key(c.place, leaf), i as u32)).collect();
+        keyed.par_sort_unstable();
+        let groups: Vec<&[(u64, u32)]> = keyed.chunk_by(|a, b| a.0 == b.0).collect();
+        let (places, normals): (Vec<Vec3>, Vec<Vec3>) =
+            groups.par_iter().map(|group| mean(crossings, group)).unzip();
+        let leaves = groups.iter().map(|group| group[0].0).collect();
+        let linked = linked(&places, &normals, REACH * leaf);
+        let mut starts = Vec::with_capacity(linked.len() + 1);
+        let mut count = 0;
+        for links in &linked {
+            starts.push(count);
+            count += links.len() as u32;
+        }
+        starts.push(count);
+        let mut surface = Self { leaf, leaves, places, starts, ends: linked.concat(), rises: Vec::new() };
+        surface.rises = surface.rises_over(&surface.smooth(&normals));
+        surface
+    }
+
+    /// Takes the ledges between slices back that tell nothing: where these lie further apart than
+    /// `widest` mm a ledge is no steeper than other skin, and a patient who moved stands out on one
+    /// side as far as he stands back on the other. `gaps` are those between the slices in mm, `slice`
+    /// tells where a node lies, in slices.
+    pub(super) fn level_between_slices(
+        &mut self,
+        gaps: &[f64],
+        widest: f64,
+        slice: impl Fn(Vec3) -> f64 + Sync,
+    ) {
+        let at: Vec<f64> = self.places.par_iter().map(|p| slice(*p)).collect();
+        let gap = |v: f64| (v.max(0.0) as usize).min(gaps.len() - 1);
+        let mut steps = vec![Step::default(); gaps.len()];
+        let mut across = vec![None; self.ends.len()];
+        for node in 0..self.len() {
+            for link in self.starts[node] as usize..self.starts[node + 1] as usize {
+                let other = self.ends[link] as usize;
+                let (low, high) = (at[node].min(at[other]), at[node].max(at[other]));
+                let way = norm(sub(self.places[other], self.places[node]));
+                if (high - low) * gaps[gap(low)] < ACROSS * way {
+                    continue;
+                }
+                let rise = self.rises[link] * (at[other] - at[node]).signum() as f32;
+                across[link] = Some((gap(low), gap(high)));
+                for step in &mut steps[gap(low)..=gap(high)] {
+                    step.links += 1.0;
+                    step.up += f64::from(u8::from(rise > LEDGE));
+                    step.down += f64::from(u8::from(rise < -LEDGE));
+                }
+            }
+        }
+        let level: Vec<bool> =
+            steps.iter().zip(gaps).map(|(s, gap)| s.is_of_motion() || *gap > widest).collect();
+        for (rise, gaps) in self.rises.iter_mut().zip(across) {
+            if gaps.is_some_and(|(low, high): (usize, usize)| level[low..=high].contains(&true)) {
+                *rise = 0.0;
+            }
+        }
+    }
+
+    /// Number of nodes.
+    pub(super) fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// The links of a node.
+    pub(super) fn links(&self, node: usize) -> impl Iterator<Item = Link> {
+        let range = self.starts[node] as usize..self.starts[node + 1] as usize;
+        let (ends, rises) = (&self.ends[range.clone()], &self.rises[range]);
+        ends.iter().zip(rises).map(|(&to, &rise)| Link { to: to as usize, rise })
+    }
+
+    /// What hangs together of the nodes that are `within` by links that are no ledges and whose nodes
+    /// are `alike`: the part of each node, `u32::MAX` without, and the nodes of each part.
+    pub(super) fn parts(
+        &self,
+        within: impl Fn(usize) -> bool,
+        alike: impl Fn(usize, usize) -> bool,
+    ) -> (Vec<u32>, Vec<Vec<usize>>) {
+        let mut part_of = vec![u32::MAX; self.len()];
+        let mut parts = Vec::new();
+        for first in 0..self.len() {
+            if part_of[first] != u32::MAX || !within(first) {
+                continue;
+            }
+            let part = parts.len() as u32;
+            part_of[first] = part;
+            let mut nodes = vec![first];
+            let mut next = 0;
+            while next < nodes.len() {
+                let node = nodes[next];
+                next += 1;
+                for link in self.links(node) {
+                    let to = link.to;
+                    if part_of[to] == u32::MAX && !link.is_ledge() && within(to) && alike(node, to) {
+                        part_of[to] = part;
+                        nodes.push(to);
+                    }
+                }
+            }
+            parts.push(nodes);
+        }
+        (part_of, parts)
+    }
+
+    /// The normals of the skin at large.
+    fn smooth(&self, normals: &[Vec3]) -> Vec<[f32; 3]> {
+        let mut smooth: Vec<[f32; 3]> = normals.iter().map(|n| n.map(|v| v as f32)).collect();
+        for _ in 0..SMOOTHED {
+            let of_node = |node: usize| {
+                let mut sum = smooth[node];
+                for &other in &self.ends[self.starts[node] as usize..self.starts[node + 1] as usize] {
+                    (0..3).for_each(|a| sum[a] += smooth[other as usize][a]);
+                }
+                let length = (sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]).sqrt().max(1e-6);
+                sum.map(|v| v / length)
+            };
+            smooth = (0..self.len()).into_par_iter().map(of_node).collect();
+        }
+        smooth
+    }
+
+    fn rises_over(&self, smooth: &[[f32; 3]]) -> Vec<f32> {
+        let of_node = |node: usize| {
+            self.ends[self.starts[node] as usize..self.starts[node + 1] as usize].iter().map(move |&other| {
+                let other = other as usize;
+                let step = sub(self.places[other], self.places[node]);
+                let up = add(smooth[node].map(f64::from), smooth[other].map(f64::from));
+                normalised(up).map_or(0.0, |up| (dot(step, up) / norm(step)) as f32)
+            })
+        };
+        (0..self.len()).into_par_iter().flat_map_iter(of_node).collect()
+    }
+}
+
+/// Place and normal of a leaf, those that see the edge most clearly first.
+fn mean(crossings: &[Crossing], group: &[(u64, u32)]) -> (Vec3, Vec3) {
+    let (mut place, mut normal, mut total) = ([0.0; 3], [0.0; 3], 0.0);
+    for c in group.iter().map(|g| &crossings[g.1 as usize]) {
+        let weight = 1.0 / (c.error * c.error);
+        place = add(place, scale(c.place, weight));
+        normal = add(normal, scale(c.normal, weight));
+        total += weight;
+    }
+    (scale(place, 1.0 / total), normalised(normal).unwrap_or(crossings[group[0].1 as usize].normal))
+}
+
+/// For each place those within reach on the same side.
+fn linked(places: &[Vec3], normals: &[Vec3], reach: f64) -> Vec<Vec<u32>> {
+    let mut sorted: Vec<(u64, u32)> =
+        places.par_iter().enumerate().map(|(i, p)| (key(*p, reach), i as u32)).collect();
+    sorted.par_sort_unstable();
+    let near = |i: usize| {
+        let mut found = Vec::with_capacity(24);
+        for z in [-reach, 0.0, reach] {
+            for y in [-reach, 0.0, reach] {
+                // Three cubes along x follow each other.
+                let [low, high] = [-reach, reach].map(|x| key(add(places[i], [x, y, z]), reach));
+                let from = sorted.partition_point(|s| s.0 < low);
+                let row = sorted[from..].iter().take_while(|s| s.0 <= high).map(|s| s.1);
+                found.extend(row.filter(|&j| {
+                    let d = sub(places[j as usize], places[i]);
+                    let squared = dot(d, d);
+                    squared <= reach * reach
+                        && squared.partial_cmp(&0.0) == Some(Ordering::Greater)
+                        && dot(normals[i], normals[j as usize]) > FACING
+                }));
+            }
+        }
+        found
+    };
+    (0..places.len()).into_par_iter().map(near).collect()
+}
