@@ -38,10 +38,10 @@ const LEAST_ROUGHLY: f64 = 0.5;
 const LEAST_RIM: f64 = 3.5;
 /// Of parts that differ no more in the share of their rims the largest is taken.
 const ALIKE: f64 = 0.05;
-/// What is not full itself, but would be filled so far from a part beside it, belongs to it.
-const WITHIN: [f64; 4] = [0.5, 0.6, 0.7, 0.8];
-/// Larger it is something of its own: diagonal of the box around it, mm.
-const LARGEST_ISLAND_MM: f64 = 150.0;
+/// Skin so many links away from what is covered is surely none of it,
+const NEAR: usize = 16;
+/// if it is no island: least diagonal of the box around it, mm.
+const LEAST_SKIN_MM: f64 = 150.0;
 /// What is covered reaches so many links beyond its rim: the ledge itself.
 const BEYOND: usize = 2;
 
@@ -60,12 +60,16 @@ impl Covered {
         }
         let mut surface = Surface::of(crossings, LEAF_MM);
         let parts = covered(space, &mut surface);
-        let of_part = |part: &Part| {
-            let nodes = beyond(&surface, completed(&surface, &part.nodes));
-            let leaf = |node| (surface.leaves[node], part.ledge);
-            nodes.into_iter().map(leaf).collect::<Vec<_>>()
+        let leaves_of = |nodes: Vec<usize>, ledge: f64| -> Vec<(u64, f64)> {
+            nodes.into_iter().map(|node| (surface.leaves[node], ledge)).collect()
         };
-        let mut leaves: Vec<(u64, f64)> = parts.iter().flat_map(of_part).collect();
+        let mut leaves: Vec<(u64, f64)> = Vec::new();
+        for part in &parts {
+            leaves.extend(leaves_of(beyond(&surface, completed(&surface, &part.nodes), BEYOND), part.ledge));
+        }
+        if let Some(part) = parts.first() {
+            leaves.extend(leaves_of(scraps(&surface), part.ledge));
+        }
         leaves.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
         leaves.dedup_by_key(|leaf| leaf.0);
         Self { leaves }
@@ -143,9 +147,9 @@ fn parts(surface: &Surface, fill: &[f64], least_ledge: f64) -> Vec<Part> {
         })
         .collect();
     let at = |least: &f64| -> Vec<Part> {
-        let (part_of, parts) = surface.parts(|node| fill[node] > *least, |_, _| true);
-        let least = (LEAST_AREA_MM2 / (LEAF_MM * LEAF_MM)) as usize;
-        let large = |nodes: &Vec<usize>| nodes.len() >= least && extent(surface, nodes) >= LEAST_EXTENT_MM;
+        let (part_of, parts) = surface.parts(|node| fill[node] > *least, |_, link| !link.is_ledge());
+        let large =
+            |nodes: &Vec<usize>| nodes.len() >= least_nodes() && extent(surface, nodes) >= LEAST_EXTENT_MM;
         let part = |nodes: Vec<usize>| {
             let part = part_of[nodes[0]];
             let rim = Rim::of(surface, &nodes, |to| part_of[to] != part, |to| is_ledge[to]);
@@ -157,6 +161,11 @@ fn parts(surface: &Surface, fill: &[f64], least_ledge: f64) -> Vec<Part> {
     };
     let found: Vec<Vec<Part>> = FILLS.par_iter().map(at).collect();
     found.into_iter().flatten().collect()
+}
+
+/// How many nodes the least area has.
+fn least_nodes() -> usize {
+    (LEAST_AREA_MM2 / (LEAF_MM * LEAF_MM)) as usize
 }
 
 /// How many nodes on the rim of a part stand above what is beside it, below it, or level with it.
@@ -196,18 +205,24 @@ impl Rim {
     }
 }
 
-/// The nodes of a part with what lies within it on a level, as the nose and the lips of a mask do. What
-/// lies below in a hole of a mask is skin.
+/// The nodes of a part with what hangs together with it rather than with the skin further away, as the
+/// nose and the lips of a mask do. What lies below in a hole of a mask is skin.
 fn completed(surface: &Surface, part: &[usize]) -> Vec<usize> {
     let mut is_in = vec![false; surface.len()];
     part.iter().for_each(|&node| is_in[node] = true);
-    let from_part = fill::from(surface, &is_in);
-    for least in WITHIN {
-        let (_, islands) = surface.parts(|node| !is_in[node] && from_part[node] > least, |_, _| true);
-        let small = islands.into_iter().filter(|island| extent(surface, island) < LARGEST_ISLAND_MM);
-        small.flatten().for_each(|node| is_in[node] = true);
-    }
-    (0..surface.len()).filter(|&node| is_in[node]).collect()
+    let mut is_far = vec![false; surface.len()];
+    let (_, others) = surface.parts(|node| !is_in[node], |_, link| !link.is_ledge());
+    let large = others.into_iter().filter(|nodes| extent(surface, nodes) >= LEAST_SKIN_MM);
+    large.flatten().for_each(|node| is_far[node] = true);
+    beyond(surface, part.to_vec(), NEAR).into_iter().for_each(|node| is_far[node] = false);
+    let from_part = fill::between(surface, &is_in, &is_far);
+    (0..surface.len()).filter(|&node| from_part[node] > 0.5).collect()
+}
+
+/// What is left between stretches that were rejected, too little to tell what it is.
+fn scraps(surface: &Surface) -> Vec<usize> {
+    let (_, pieces) = surface.parts(|_| true, |_, _| true);
+    pieces.into_iter().filter(|nodes| nodes.len() < least_nodes()).flatten().collect()
 }
 
 /// Diagonal of the box around some nodes, mm.
@@ -223,11 +238,11 @@ fn extent(surface: &Surface, nodes: &[usize]) -> f64 {
 }
 
 /// Some nodes and those a few links away.
-fn beyond(surface: &Surface, mut all: Vec<usize>) -> Vec<usize> {
+fn beyond(surface: &Surface, mut all: Vec<usize>, links: usize) -> Vec<usize> {
     let mut is_in = vec![false; surface.len()];
     all.iter().for_each(|&node| is_in[node] = true);
     let mut from = 0;
-    for _ in 0..BEYOND {
+    for _ in 0..links {
         let to = all.len();
         for i in from..to {
             for link in surface.links(all[i]) {

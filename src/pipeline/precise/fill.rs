@@ -20,7 +20,8 @@ const SWEEPS: usize = 12;
 /// The fill of each node, roughly: an eighth of the work.
 pub(super) fn rough(surface: &Surface) -> Vec<f64> {
     let cube: Vec<u64> = surface.places.iter().map(|p| key(*p, CUBE * surface.leaf)).collect();
-    let (lump_of, lumps) = surface.parts(|_| true, |a, b| cube[a] == cube[b]);
+    let (lump_of, lumps) =
+        surface.parts(|_| true, |from, link| !link.is_ledge() && cube[from] == cube[link.to]);
     let fine = System::of(surface);
     let coarse = fine.lumped(surface, &lump_of, &lumps).solve(vec![0.0; lumps.len()]);
     let mut fill: Vec<f64> = lump_of.iter().map(|&lump| coarse[lump as usize]).collect();
@@ -36,15 +37,15 @@ pub(super) fn exact(surface: &Surface, rough: Vec<f64>) -> Vec<f64> {
     System::of(surface).solve(rough)
 }
 
-/// How much of what would fill each node comes from those that are `full`, which hold 1.
-pub(super) fn from(surface: &Surface, full: &[bool]) -> Vec<f64> {
-    System::of(surface).fed_by(full).solve(vec![0.0; surface.len()])
+/// What fills each node between those that are `full`, which hold 1, and those that are `empty`.
+pub(super) fn between(surface: &Surface, full: &[bool], empty: &[bool]) -> Vec<f64> {
+    System::of(surface).held(full, empty).solve(vec![0.0; surface.len()])
 }
 
 /// Most steps of the solver.
 const STEPS: usize = 300;
 /// It is done when so much of the error is left.
-const LEFT: f64 = 1e-2;
+const LEFT: f64 = 1e-3;
 
 /// A flow to another node or lump for a unit of fill.
 type Flow = (u32, f32);
@@ -126,17 +127,17 @@ impl System {
         system
     }
 
-    /// The same with no other source than those that are `full`, which hold 1.
-    fn fed_by(mut self, full: &[bool]) -> Self {
+    /// The same with no other source than those that are `full` and hold 1, while those that are
+    /// `empty` hold 0.
+    fn held(mut self, full: &[bool], empty: &[bool]) -> Self {
         for node in 0..full.len() {
-            if full[node] {
+            if full[node] || empty[node] {
                 self.flows[node].clear();
-                (self.diagonal[node], self.sources[node]) = (1.0, 1.0);
+                (self.diagonal[node], self.sources[node]) = (1.0, f64::from(u8::from(full[node])));
             } else {
-                let (fed, others): (Vec<Flow>, Vec<Flow>) =
-                    self.flows[node].iter().partition(|f| full[f.0 as usize]);
-                self.sources[node] = fed.iter().map(|f| f64::from(f.1)).sum();
-                self.flows[node] = others;
+                let fed = self.flows[node].iter().filter(|f| full[f.0 as usize]).map(|f| f64::from(f.1));
+                self.sources[node] = fed.sum();
+                self.flows[node].retain(|f| !full[f.0 as usize] && !empty[f.0 as usize]);
             }
         }
         self

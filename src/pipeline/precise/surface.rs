@@ -146,12 +146,12 @@ impl Surface {
         ends.iter().zip(rises).map(|(&to, &rise)| Link { to: to as usize, rise })
     }
 
-    /// What hangs together of the nodes that are `within` by links that are no ledges and whose nodes
-    /// are `alike`: the part of each node, `u32::MAX` without, and the nodes of each part.
+    /// What hangs together of the nodes that are `within` by links from them that are `whole`: the part
+    /// of each node, `u32::MAX` without, and the nodes of each part.
     pub(super) fn parts(
         &self,
         within: impl Fn(usize) -> bool,
-        alike: impl Fn(usize, usize) -> bool,
+        whole: impl Fn(usize, Link) -> bool,
     ) -> (Vec<u32>, Vec<Vec<usize>>) {
         let mut part_of = vec![u32::MAX; self.len()];
         let mut parts = Vec::new();
@@ -167,10 +167,9 @@ impl Surface {
                 let node = nodes[next];
                 next += 1;
                 for link in self.links(node) {
-                    let to = link.to;
-                    if part_of[to] == u32::MAX && !link.is_ledge() && within(to) && alike(node, to) {
-                        part_of[to] = part;
-                        nodes.push(to);
+                    if part_of[link.to] == u32::MAX && within(link.to) && whole(node, link) {
+                        part_of[link.to] = part;
+                        nodes.push(link.to);
                     }
                 }
             }
