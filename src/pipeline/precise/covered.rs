@@ -42,6 +42,8 @@ const ALIKE: f64 = 0.05;
 const NEAR: usize = 16;
 /// if it is no island: least diagonal of the box around it, mm.
 const LEAST_SKIN_MM: f64 = 150.0;
+/// What would be filled further than this from there belongs to it.
+const WITHIN: f64 = 0.7;
 /// What is covered reaches so many links beyond its rim: the ledge itself.
 const BEYOND: usize = 2;
 
@@ -216,7 +218,7 @@ fn completed(surface: &Surface, part: &[usize]) -> Vec<usize> {
     large.flatten().for_each(|node| is_far[node] = true);
     beyond(surface, part.to_vec(), NEAR).into_iter().for_each(|node| is_far[node] = false);
     let from_part = fill::between(surface, &is_in, &is_far);
-    (0..surface.len()).filter(|&node| from_part[node] > 0.5).collect()
+    (0..surface.len()).filter(|&node| from_part[node] > WITHIN).collect()
 }
 
 /// What is left between stretches that were rejected, too little to tell what it is.

@@ -53,10 +53,11 @@ fn clear<'a>(crossings: &'a [Crossing], group: &'a [(u64, u32)]) -> impl Iterato
     group.iter().map(|g| g.1).filter(move |&i| error(i) <= CLEAR * least)
 }
 
-/// A key for the cube of edge `leaf` mm that holds a place; far beyond any scanner's bore two
-/// cubes may share one.
+/// A key for the cube of edge `leaf` mm that holds a place in single precision, as a cloud has it; far
+/// beyond any scanner's bore two cubes may share one.
 pub(super) fn key(p: Vec3, leaf: f64) -> u64 {
     let cell = |v: f64| {
+        let v = f64::from(v as f32);
         // `floor` is a call where the target has no instruction for it.
         let (q, whole) = (v / leaf, (v / leaf) as i64);
         (whole - i64::from(q < whole as f64) + (1 << 20)) as u64 & 0x1F_FFFF
