@@ -110,6 +110,9 @@ impl Table {
             let why = if r.lacks_points() {
                 let share = per_cent(r.used_share);
                 format!("only {share} of the points took part; the others were removed as far")
+            } else if r.moved_far() {
+                let extent = r.extent_mm;
+                format!("they lay elsewhere (their own extent is {extent:.0} mm): the same frame and unit?")
             } else {
                 "they, or what is nearest to them, lie on a line or in one place".to_owned()
             };

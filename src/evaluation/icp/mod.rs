@@ -63,7 +63,8 @@ pub struct Registration {
     pub used_share: f64,
     /// Whether the root mean square says little: far fewer points took part than the overlap lets
     /// (farthest-point removal goes on in each round, and may fit a small part of a cloud alone), or
-    /// they, or what is nearest to them, lie on a line or in one place, which fixes no motion.
+    /// they, or what is nearest to them, lie on a line or in one place, which fixes no motion, or they
+    /// moved by more than half their extent.
     pub is_doubtful: bool,
     /// How many points farthest-point removal had taken away by then.
     pub points_removed: usize,
@@ -77,6 +78,8 @@ pub struct Registration {
     pub shift_mm: Vec3,
     /// Length of `shift_mm`.
     pub shift_length_mm: f64,
+    /// Diagonal of the box around the points.
+    pub extent_mm: f64,
     /// The motion of the points onto the target: row by row, 4 × 4, homogeneous, LPS mm.
     pub matrix: [[f64; 4]; 4],
 }
@@ -87,10 +90,18 @@ impl Registration {
     pub fn lacks_points(&self) -> bool {
         self.used_share < MIN_SHARE * self.settings.overlap
     }
+
+    /// Whether the points lay somewhere else altogether.
+    #[must_use]
+    pub fn moved_far(&self) -> bool {
+        self.shift_length_mm > FAR * self.extent_mm
+    }
 }
 
 /// A smaller share of the overlap makes a registration doubtful.
 const MIN_SHARE: f64 = 0.85;
+/// A motion by a larger share of the points' extent makes a registration doubtful.
+const FAR: f64 = 0.5;
 /// Points whose spread across their longest direction is a smaller share of the one along it lie on
 /// a line.
 const LINE: f64 = 0.01;
@@ -162,10 +173,20 @@ pub fn register(points: &[Vec3], target: &Target, settings: Settings) -> Option<
         rotation_deg: total.angle_deg(),
         shift_mm,
         shift_length_mm: norm(shift_mm),
+        extent_mm: extent(points),
         matrix: total.matrix(),
     };
-    found.is_doubtful |= found.lacks_points();
+    found.is_doubtful |= found.lacks_points() || found.moved_far();
     Some(found)
+}
+
+/// Diagonal of the box around some points.
+fn extent(points: &[Vec3]) -> f64 {
+    let reach = |a: usize| {
+        let along = || points.iter().map(|p| p[a]);
+        along().fold(f64::MIN, f64::max) - along().fold(f64::MAX, f64::min)
+    };
+    norm([0, 1, 2].map(reach))
 }
 
 /// The cube of 4 mm that a place lies in, in an order in which few neighbours are far apart.

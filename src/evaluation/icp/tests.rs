@@ -147,4 +147,6 @@ fn what_fixes_no_motion_is_doubtful() {
     assert!(doubtful(&[[1.0, 2.0, 3.0]; 20]), "one place");
     let far: Vec<Vec3> = points.iter().map(|p| add(*p, [1e6, 0.0, 0.0])).collect();
     assert!(doubtful(&far), "all have the same point of the target nearest");
+    let apart: Vec<Vec3> = points.iter().map(|p| add(*p, [400.0, 0.0, 0.0])).collect();
+    assert!(doubtful(&apart), "nothing of the two lies in the same place");
 }

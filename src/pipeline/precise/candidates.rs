@@ -242,7 +242,7 @@ fn gap(air: f32, tissue: f32, seen: f32) -> f32 {
 
 /// What touches the patient puts the skin so near beside it in doubt, and what is higher against the
 /// skin than this does not touch it there, mm.
-const BESIDE_MM: (f64, f64) = (2.5, 1.0);
+pub(super) const BESIDE_MM: (f64, f64) = (2.5, 1.0);
 /// The same where something covers the skin, mm.
 const COVERED_MM: (f64, f64) = (1.5, -0.5);
 /// What is higher above the skin than this, and no further aside, covers it, mm.

@@ -10,7 +10,7 @@
 
 use rayon::prelude::*;
 
-use super::candidates::Doubtful;
+use super::candidates::{BESIDE_MM, Doubtful};
 use super::crossings::Crossing;
 use super::fill;
 use super::leaves::key;
@@ -43,63 +43,77 @@ const NEAR: usize = 16;
 /// if it is no island: least diagonal of the box around it, mm.
 const LEAST_SKIN_MM: f64 = 150.0;
 /// What would be filled further than this from there belongs to it.
-const WITHIN: f64 = 0.7;
+const WITHIN: f64 = 0.5;
+/// Larger pieces of skin than this may lie apart, mm².
+const LARGEST_SCRAP_MM2: f64 = 4000.0;
+/// Something foreign is beside a piece if it is near more nodes than this, of the square root of the
+/// number within.
+const BY_FOREIGN: f64 = 0.5;
 /// What is covered reaches so many links beyond its rim: the ledge itself.
 const BEYOND: usize = 2;
 
-/// Where something covers the skin.
+/// What of the surface is no skin for sure.
 #[derive(Debug)]
 pub(super) struct Covered {
-    /// Covered leaves, ascending, with the share of the rim that is a ledge.
-    leaves: Vec<(u64, f64)>,
+    /// Leaves, ascending.
+    leaves: Vec<(u64, Fate)>,
+}
+
+/// Why a leaf is not accepted, what was measured and the limit.
+#[derive(Debug, Clone, Copy)]
+struct Fate {
+    reason: StretchReason,
+    measured: f64,
+    limit: f64,
 }
 
 impl Covered {
     /// Searches the whole surface, whose crossings lie no further apart than a leaf of the mesh.
-    pub(super) fn of(space: &Space, crossings: &[Crossing]) -> Self {
-        if space.gaps().into_iter().all(|gap| gap > WIDEST_GAP_MM) {
-            return Self { leaves: Vec::new() };
-        }
+    /// `near_foreign` tells whether something foreign is close to a place.
+    pub(super) fn of(
+        space: &Space,
+        crossings: &[Crossing],
+        near_foreign: impl Fn(Vec3) -> bool + Sync,
+    ) -> Self {
         let mut surface = Surface::of(crossings, LEAF_MM);
         let parts = covered(space, &mut surface);
-        let leaves_of = |nodes: Vec<usize>, ledge: f64| -> Vec<(u64, f64)> {
-            nodes.into_iter().map(|node| (surface.leaves[node], ledge)).collect()
-        };
-        let mut leaves: Vec<(u64, f64)> = Vec::new();
+        let mut fates: Vec<Option<Fate>> = vec![None; surface.len()];
         for part in &parts {
-            leaves.extend(leaves_of(beyond(&surface, completed(&surface, &part.nodes), BEYOND), part.ledge));
+            let fate = Fate { reason: StretchReason::Covered, measured: part.ledge, limit: LEAST_LEDGE };
+            for node in beyond(&surface, completed(&surface, &part.nodes), BEYOND) {
+                fates[node] = Some(fate);
+            }
         }
-        if let Some(part) = parts.first() {
-            leaves.extend(leaves_of(scraps(&surface), part.ledge));
+        let fate = Fate { reason: StretchReason::Touching, measured: 0.0, limit: BESIDE_MM.0 };
+        for node in scraps(&surface, near_foreign) {
+            fates[node].get_or_insert(fate);
         }
-        leaves.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
-        leaves.dedup_by_key(|leaf| leaf.0);
-        Self { leaves }
+        let leaf = |(node, fate): (usize, Option<Fate>)| Some((surface.leaves[node], fate?));
+        Self { leaves: fates.into_iter().enumerate().filter_map(leaf).collect() }
     }
 
-    /// Takes the covered ones out.
+    /// Takes the crossings out that are no skin.
     pub(super) fn take(&self, space: &Space, crossings: &mut Vec<Crossing>) -> Vec<Doubtful> {
         let mut doubtful = Vec::new();
         if !self.leaves.is_empty() {
             crossings.retain(|c| {
-                let ledge = self.ledge(c.place);
-                doubtful.extend(ledge.map(|ledge| Doubtful {
+                let fate = self.fate(c.place);
+                doubtful.extend(fate.map(|Fate { reason, measured, limit }| Doubtful {
                     place: c.place,
                     normal: c.normal,
                     axis: c.axis,
                     inner: space.index(c.place).map(|v| v.round() as u16),
-                    reason: StretchReason::Covered,
-                    measured: ledge,
-                    limit: LEAST_LEDGE,
+                    reason,
+                    measured,
+                    limit,
                 }));
-                ledge.is_none()
+                fate.is_none()
             });
         }
         doubtful
     }
 
-    /// The share of the rim around a covered place that is a ledge.
-    fn ledge(&self, place: Vec3) -> Option<f64> {
+    fn fate(&self, place: Vec3) -> Option<Fate> {
         let leaf = key(place, LEAF_MM);
         self.leaves.binary_search_by_key(&leaf, |l| l.0).ok().map(|i| self.leaves[i].1)
     }
@@ -115,6 +129,9 @@ struct Part {
 
 /// The parts that something covers; none has a node in common with another.
 fn covered(space: &Space, surface: &mut Surface) -> Vec<Part> {
+    if space.gaps().into_iter().all(|gap| gap > WIDEST_GAP_MM) {
+        return Vec::new();
+    }
     let rough = fill::rough(surface);
     if parts(surface, &rough, LEAST_ROUGHLY).is_empty() {
         return Vec::new();
@@ -150,8 +167,9 @@ fn parts(surface: &Surface, fill: &[f64], least_ledge: f64) -> Vec<Part> {
         .collect();
     let at = |least: &f64| -> Vec<Part> {
         let (part_of, parts) = surface.parts(|node| fill[node] > *least, |_, link| !link.is_ledge());
-        let large =
-            |nodes: &Vec<usize>| nodes.len() >= least_nodes() && extent(surface, nodes) >= LEAST_EXTENT_MM;
+        let large = |nodes: &Vec<usize>| {
+            nodes.len() >= nodes_of(LEAST_AREA_MM2) && extent(surface, nodes) >= LEAST_EXTENT_MM
+        };
         let part = |nodes: Vec<usize>| {
             let part = part_of[nodes[0]];
             let rim = Rim::of(surface, &nodes, |to| part_of[to] != part, |to| is_ledge[to]);
@@ -165,9 +183,9 @@ fn parts(surface: &Surface, fill: &[f64], least_ledge: f64) -> Vec<Part> {
     found.into_iter().flatten().collect()
 }
 
-/// How many nodes the least area has.
-fn least_nodes() -> usize {
-    (LEAST_AREA_MM2 / (LEAF_MM * LEAF_MM)) as usize
+/// How many nodes an area has, mm².
+fn nodes_of(area: f64) -> usize {
+    (area / (LEAF_MM * LEAF_MM)) as usize
 }
 
 /// How many nodes on the rim of a part stand above what is beside it, below it, or level with it.
@@ -221,10 +239,17 @@ fn completed(surface: &Surface, part: &[usize]) -> Vec<usize> {
     (0..surface.len()).filter(|&node| from_part[node] > WITHIN).collect()
 }
 
-/// What is left between stretches that were rejected, too little to tell what it is.
-fn scraps(surface: &Surface) -> Vec<usize> {
-    let (_, pieces) = surface.parts(|_| true, |_, _| true);
-    pieces.into_iter().filter(|nodes| nodes.len() < least_nodes()).flatten().collect()
+/// What is left apart between stretches that something foreign touches or covers: a head's skin hangs
+/// together.
+fn scraps(surface: &Surface, near_foreign: impl Fn(Vec3) -> bool + Sync) -> Vec<usize> {
+    let (_, mut pieces) = surface.parts(|_| true, |_, _| true);
+    let largest = pieces.iter().map(Vec::len).max();
+    pieces.retain(|nodes| Some(nodes.len()) != largest && nodes.len() < nodes_of(LARGEST_SCRAP_MM2));
+    let left = |nodes: &Vec<usize>| {
+        let near = nodes.iter().filter(|&&node| near_foreign(surface.places[node])).count();
+        near as f64 > BY_FOREIGN * (nodes.len() as f64).sqrt()
+    };
+    pieces.into_par_iter().filter(left).flatten().collect()
 }
 
 /// Diagonal of the box around some nodes, mm.

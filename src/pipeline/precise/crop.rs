@@ -1,7 +1,6 @@
 //! Where in the scan the patient is: a wide field of view is mostly air and couch, and the fine
 //! survey is for the patient.
 
-use super::couch;
 use super::distance::squared_distance;
 use super::field::Field;
 use super::kinds::{Cell, tissue};
@@ -28,8 +27,7 @@ pub(super) fn bounds(space: &Space, field: &Field, levels: &Levels) -> [Vec3; 2]
     let all = whole(space);
     let survey = Survey::of(space, field, Cells::over(all, EDGE_MM));
     let cells = survey.cells;
-    let mut kinds = tissue(&survey, levels);
-    couch::mark(&survey, &mut kinds);
+    let kinds = tissue(&survey, levels);
     let depth = squared_distance(cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
     let thick = Pieces::of(cells.shape, |i| depth[i] == u16::MAX);
     let Some(main) = thick.largest() else { return all };
@@ -46,4 +44,46 @@ pub(super) fn bounds(space: &Space, field: &Field, levels: &Levels) -> [Vec3; 2]
         [0, 1, 2].map(|a| (place(low[a], a) - BALL_MM - ROOM_MM).max(all[0][a])),
         [0, 1, 2].map(|a| (place(high[a], a) + BALL_MM + ROOM_MM).min(all[1][a])),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phantom::{Options, Phantom};
+
+    /// The neck's column runs through all slices, and what a head cut at its middle has in front of it
+    /// is no wider than what there is beside a couch.
+    #[test]
+    fn a_head_cut_at_its_middle_is_all_in_the_box() {
+        let options = Options {
+            columns: 140,
+            rows: 140,
+            column_mm: 1.5,
+            row_mm: 1.5,
+            slices: 60,
+            slice_mm: 2.5,
+            ..Options::default()
+        };
+        let mut volume = Phantom::new(options).expect("the options are in range").volume();
+        let grid = volume.grid.clone();
+        let top = grid.lps([0, 0, 0])[2];
+        let middle = {
+            let (first, last) = (grid.lps([0, 0, 0]), grid.lps([59, 139, 139]));
+            [0, 1].map(|a| f64::midpoint(first[a], last[a]))
+        };
+        for ((z, y, x), v) in volume.hu.indexed_iter_mut() {
+            let p = grid.lps([z, y, x]);
+            let (across, back) = (p[0] - middle[0], p[1] - middle[1]);
+            let neck = across.hypot(back - 20.0) < 50.0;
+            let head = across.hypot(back) < 75.0 && top - p[2] < 65.0;
+            *v = if neck || head { 40 } else { -1000 } + ((x * 7 + y * 3 + z) % 11) as i16;
+        }
+        let space = Space::new(&volume).expect("a volume");
+        let levels = Levels::of(&space).expect("air and tissue");
+        let [low, high] = bounds(&space, &Field::of(&space, &levels), &levels);
+        for (a, reach) in [(0, 75.0), (1, 75.0)] {
+            assert!(low[a] < middle[a] - reach - 10.0, "{low:?} around {middle:?}");
+            assert!(high[a] > middle[a] + reach + 10.0, "{high:?} around {middle:?}");
+        }
+    }
 }

@@ -93,6 +93,12 @@ impl Patient {
         Some(patient)
     }
 
+    /// Whether something that is not the patient is close to a place.
+    pub(super) fn is_near_foreign(&self, place: Vec3) -> bool {
+        let cells = &self.survey.cells;
+        cells.at(place).is_some_and(|cell| self.near_foreign[cells.offset(cell)])
+    }
+
     fn look_for_foreign(&mut self) {
         let (cells, kinds) = (&self.survey.cells, &self.kinds);
         let foreign = |i: usize| matches!(kinds[i], Cell::Attached | Cell::Other);

@@ -107,17 +107,17 @@ impl Surface {
         let at: Vec<f64> = self.places.par_iter().map(|p| slice(*p)).collect();
         let gap = |v: f64| (v.max(0.0) as usize).min(gaps.len() - 1);
         let mut steps = vec![Step::default(); gaps.len()];
-        let mut across = vec![None; self.ends.len()];
+        let mut across = Vec::with_capacity(self.ends.len());
         for node in 0..self.len() {
-            for link in self.starts[node] as usize..self.starts[node + 1] as usize {
-                let other = self.ends[link] as usize;
-                let (low, high) = (at[node].min(at[other]), at[node].max(at[other]));
-                let way = norm(sub(self.places[other], self.places[node]));
+            for link in self.links(node) {
+                let (low, high) = (at[node].min(at[link.to]), at[node].max(at[link.to]));
+                let way = norm(sub(self.places[link.to], self.places[node]));
                 if (high - low) * gaps[gap(low)] < ACROSS * way {
+                    across.push(None);
                     continue;
                 }
-                let rise = self.rises[link] * (at[other] - at[node]).signum() as f32;
-                across[link] = Some((gap(low), gap(high)));
+                across.push(Some((gap(low), gap(high))));
+                let rise = link.rise * (at[link.to] - at[node]).signum() as f32;
                 for step in &mut steps[gap(low)..=gap(high)] {
                     step.links += 1.0;
                     step.up += f64::from(u8::from(rise > LEDGE));
