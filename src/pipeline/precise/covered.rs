@@ -1,12 +1,14 @@
-//! What lies on the skin without a gap: a mask, a strap.
+//! What lies on the skin without a gap: a mask, a strap, a fiducial.
 //!
 //! No gap and no edge parts such a thing from the skin, but where it ends its outer face stands
 //! above the skin beside it: a ledge. A head has ledges of its own, at the lips, the nose, the
-//! eyelids, the ears; none of them closes around anything as large as a mask. So every link of the
-//! skin's mesh that rises steeply is a source above and a sink below; what they give flows along
-//! the skin, not over ledges, and is lost on the way. Sources and sinks of an open ledge cancel
-//! each other from a distance. What a closed ledge surrounds fills up; it is taken for covered if
-//! nearly all of its rim is indeed a ledge.
+//! eyelids, the ears; none of them closes around anything as large as a mask or as compact and small
+//! as a fiducial. So every link of the skin's mesh that rises steeply is a source above and a sink
+//! below; what they give flows along the skin, not over ledges, and is lost on the way. Sources and
+//! sinks of an open ledge cancel each other from a distance. What a closed ledge surrounds fills up;
+//! it is taken for covered if nearly all of its rim is indeed a ledge.
+
+use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -24,15 +26,27 @@ const WIDEST_GAP_MM: f64 = 3.5;
 /// Edge of the mesh's leaves, mm.
 const LEAF_MM: f64 = 1.0;
 /// The fill from which a part may be covered, in links at a node.
-const FILLS: [f64; 5] = [0.0, 0.3, 1.0, 2.0, 4.0];
-/// Ears, noses and lips are smaller: least diagonal of the box around what is covered, mm.
-const LEAST_EXTENT_MM: f64 = 95.0;
-/// And least area, mm².
-const LEAST_AREA_MM2: f64 = 1500.0;
-/// Least share of the rim that is a ledge.
-const LEAST_LEDGE: f64 = 0.6;
-/// The same for a closer look.
-const LEAST_ROUGHLY: f64 = 0.5;
+const FILLS: [f64; 6] = [0.0, 0.3, 1.0, 2.0, 4.0, 10.0];
+/// What may be covered, by size and by how much of its rim has to be a ledge.
+#[derive(Debug)]
+struct Kind {
+    /// Diagonal of the box around it, mm.
+    extent_mm: Range<f64>,
+    /// Least area, mm²,
+    area_mm2: f64,
+    /// and of the square of the diagonal: a fold of the skin is narrow.
+    compact: f64,
+    /// Least share of the rim that is a ledge.
+    ledge: f64,
+    /// The same for a closer look.
+    roughly: f64,
+}
+
+/// Masks and straps are larger than ears, noses and lips, fiducials and electrodes smaller.
+const KINDS: [Kind; 2] = [
+    Kind { extent_mm: 95.0..f64::INFINITY, area_mm2: 1500.0, compact: 0.0, ledge: 0.6, roughly: 0.5 },
+    Kind { extent_mm: 0.0..40.0, area_mm2: 60.0, compact: 0.3, ledge: 0.85, roughly: 0.6 },
+];
 /// A rim is no shorter for what it surrounds: least number of nodes on it, of the square root of
 /// the number within. It parts what is covered from all that is not.
 const LEAST_RIM: f64 = 3.5;
@@ -79,9 +93,13 @@ impl Covered {
         let parts = covered(space, &mut surface);
         let mut fates: Vec<Option<Fate>> = vec![None; surface.len()];
         for part in &parts {
-            let fate = Fate { reason: StretchReason::Covered, measured: part.ledge, limit: LEAST_LEDGE };
-            for node in beyond(&surface, completed(&surface, &part.nodes), BEYOND) {
-                fates[node] = Some(fate);
+            part.nodes.iter().for_each(|&node| fates[node] = Some(part.fate()));
+        }
+        // What goes with them has no rim of its own.
+        if let Some(largest) = parts.iter().max_by_key(|part| part.nodes.len()) {
+            let all: Vec<usize> = parts.iter().flat_map(|part| part.nodes.iter().copied()).collect();
+            for node in beyond(&surface, completed(&surface, &all), BEYOND) {
+                fates[node].get_or_insert(largest.fate());
             }
         }
         let fate = Fate { reason: StretchReason::Touching, measured: 0.0, limit: BESIDE_MM.0 };
@@ -125,6 +143,13 @@ struct Part {
     nodes: Vec<usize>,
     /// Share of its rim that is a ledge.
     ledge: f64,
+    kind: &'static Kind,
+}
+
+impl Part {
+    fn fate(&self) -> Fate {
+        Fate { reason: StretchReason::Covered, measured: self.ledge, limit: self.kind.ledge }
+    }
 }
 
 /// The parts that something covers; none has a node in common with another.
@@ -133,12 +158,12 @@ fn covered(space: &Space, surface: &mut Surface) -> Vec<Part> {
         return Vec::new();
     }
     let rough = fill::rough(surface);
-    if parts(surface, &rough, LEAST_ROUGHLY).is_empty() {
+    if parts(surface, &rough, |kind| kind.roughly).is_empty() {
         return Vec::new();
     }
     let axis = space.slice_axis();
     surface.level_between_slices(&space.gaps(), WIDEST_GAP_MM, |p| space.index(p)[axis]);
-    let mut found = parts(surface, &fill::exact(surface, rough), LEAST_LEDGE);
+    let mut found = parts(surface, &fill::exact(surface, rough), |kind| kind.ledge);
     let mut taken = vec![false; surface.len()];
     let mut chosen = Vec::new();
     loop {
@@ -153,9 +178,9 @@ fn covered(space: &Space, surface: &mut Surface) -> Vec<Part> {
     chosen
 }
 
-/// The large parts that are filled to any of the limits and of whose rim at least that share is a
-/// ledge.
-fn parts(surface: &Surface, fill: &[f64], least_ledge: f64) -> Vec<Part> {
+/// The parts of any kind that are filled to any of the limits and of whose rim at least that share is
+/// a ledge.
+fn parts(surface: &Surface, fill: &[f64], least_ledge: impl Fn(&Kind) -> f64 + Sync) -> Vec<Part> {
     let is_ledge: Vec<bool> = (0..surface.len())
         .into_par_iter()
         .map(|node| {
@@ -167,17 +192,19 @@ fn parts(surface: &Surface, fill: &[f64], least_ledge: f64) -> Vec<Part> {
         .collect();
     let at = |least: &f64| -> Vec<Part> {
         let (part_of, parts) = surface.parts(|node| fill[node] > *least, |_, link| !link.is_ledge());
-        let large = |nodes: &Vec<usize>| {
-            nodes.len() >= nodes_of(LEAST_AREA_MM2) && extent(surface, nodes) >= LEAST_EXTENT_MM
-        };
         let part = |nodes: Vec<usize>| {
+            let extent = extent(surface, &nodes);
+            let kind = KINDS.iter().find(|kind| kind.extent_mm.contains(&extent))?;
+            if nodes.len() < nodes_of(kind.area_mm2.max(kind.compact * extent * extent)) {
+                return None;
+            }
             let part = part_of[nodes[0]];
             let rim = Rim::of(surface, &nodes, |to| part_of[to] != part, |to| is_ledge[to]);
             let long = f64::from(rim.above) >= LEAST_RIM * (nodes.len() as f64).sqrt();
             let ledge = rim.share(rim.above);
-            (ledge >= least_ledge && long).then_some(Part { nodes, ledge })
+            (ledge >= least_ledge(kind) && long).then_some(Part { nodes, ledge, kind })
         };
-        parts.into_iter().filter(large).filter_map(part).collect()
+        parts.into_iter().filter_map(part).collect()
     };
     let found: Vec<Vec<Part>> = FILLS.par_iter().map(at).collect();
     found.into_iter().flatten().collect()
@@ -315,7 +342,7 @@ mod tests {
     }
 
     fn found(surface: &Surface) -> Vec<Part> {
-        parts(surface, &fill::exact(surface, fill::rough(surface)), LEAST_LEDGE)
+        parts(surface, &fill::exact(surface, fill::rough(surface)), |kind| kind.ledge)
     }
 
     #[test]

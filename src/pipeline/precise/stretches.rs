@@ -22,7 +22,7 @@ pub enum StretchReason {
     Foreign,
     /// Something foreign touches the skin right beside.
     Touching,
-    /// Something as large as a mask or a strap lies on the skin without a gap: a ledge runs around it.
+    /// A mask, a strap, a fiducial lies on the skin without a gap: a ledge runs around it.
     Covered,
     /// The image or its field of view ends here.
     FieldOfView,

@@ -1,7 +1,9 @@
 //! The whole profile on phantoms whose skin is known.
 
-use super::{Doubt, NoSkin, QualityLimits, Side, Skin, StretchReason, Verdict, reconstruct};
-use crate::geometry::{Plane, Vec3, dot};
+use super::{
+    Doubt, Missing, NoSkin, QualityLimits, Side, Skin, SkinPoint, StretchReason, Verdict, reconstruct,
+};
+use crate::geometry::{Plane, Vec3, dot, norm, sub};
 use crate::phantom::{Options, Phantom};
 use crate::pipeline::Silent;
 
@@ -36,6 +38,10 @@ fn rms(errors: &[f64]) -> f64 {
 fn has_point(skin: &Skin, place: Vec3, mm: f64) -> bool {
     let squared = |p: [f32; 3]| (0..3).map(|a| (f64::from(p[a]) - place[a]).powi(2)).sum::<f64>();
     skin.points.iter().any(|p| squared(p.place) < mm * mm)
+}
+
+fn distance(a: Vec3, b: Vec3) -> f64 {
+    norm(sub(a, b))
 }
 
 /// Then the scan shows no air, and what fills the square could be taken for it.
@@ -110,6 +116,33 @@ fn a_mask_without_a_gap_is_no_skin() {
     let covered = free.iter().filter(|p| has_point(&skin, **p, 1.5)).count();
     assert!(covered * 100 >= free.len() * 90, "{covered} of {} free spots have a point", free.len());
     assert!(skin.quality.doubts.contains(&Doubt::Coverage), "{:?}", skin.quality.doubts);
+}
+
+/// Discs as they are stuck on for navigation.
+#[test]
+fn fiducials_are_no_skin() {
+    let phantom = Phantom::new(Options { slice_mm: 1.5, slices: 120, ..options() }).expect("in range");
+    let scalp: Vec<Vec3> = phantom.skin_points(3.0).into_iter().filter(|p| p[2] > 40.0).collect();
+    let mut spots: Vec<Vec3> = Vec::new();
+    for p in scalp {
+        if spots.len() < 4 && spots.iter().all(|s| distance(*s, p) > 45.0) {
+            spots.push(p);
+        }
+    }
+    let stuck = |p: Vec3| spots.iter().any(|s| distance(*s, p) < 8.0);
+    let (volume, _) = with_shell(&phantom, 3.5, stuck);
+    let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
+    let errors = errors(&phantom, &skin);
+    let is_on = |e: &f64| (1.0..5.0).contains(e);
+    let on_disc = |spot: &Vec3| {
+        let near = |p: &SkinPoint| distance(p.place.map(f64::from), *spot) < 12.0;
+        skin.points.iter().zip(&errors).filter(|(p, e)| is_on(e) && near(p)).count()
+    };
+    let left: Vec<(Vec3, usize)> = spots.iter().map(|spot| (*spot, on_disc(spot))).collect();
+    assert!(left.iter().all(|l| l.1 < 10), "points left on the discs at {left:?}");
+    let covered = |m: &&Missing| m.reason == StretchReason::Covered;
+    let area: f64 = skin.quality.missing.iter().filter(covered).map(|m| m.area_cm2).sum();
+    assert!((4.0..30.0).contains(&area), "{area} cm² under four discs of 2 cm²");
 }
 
 /// He stands out on one side as a mask would, but back on the other.
