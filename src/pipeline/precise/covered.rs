@@ -45,7 +45,7 @@ struct Kind {
 /// Masks and straps are larger than ears, noses and lips, fiducials and electrodes smaller.
 const KINDS: [Kind; 2] = [
     Kind { extent_mm: 95.0..f64::INFINITY, area_mm2: 1500.0, compact: 0.0, ledge: 0.6, roughly: 0.5 },
-    Kind { extent_mm: 0.0..40.0, area_mm2: 60.0, compact: 0.3, ledge: 0.85, roughly: 0.6 },
+    Kind { extent_mm: 0.0..40.0, area_mm2: 60.0, compact: 0.3, ledge: 0.85, roughly: 0.75 },
 ];
 /// A rim is no shorter for what it surrounds: least number of nodes on it, of the square root of
 /// the number within. It parts what is covered from all that is not.
