@@ -11,7 +11,7 @@
 //! | which tissue is the patient | `kinds`, `couch`, `patient`, `enclosure`, `sheets`, `head` |
 //! | which border is skin | `outside`, `openings`, `canals` |
 //! | where exactly | `candidates`, `width`, `plateau`, `regions`, `crossings`, `edge` |
-//! | what lies on it | `surface`, `fill`, `covered` |
+//! | what lies on it | `surface`, `fill`, `ledges`, `covered` |
 //! | between thick slices | `between`, `contours`, `caps` |
 //! | what was not accepted | `stretches` |
 //! | one point a leaf | `leaves`, `order` |
@@ -37,6 +37,7 @@ mod fill;
 mod head;
 mod kinds;
 mod leaves;
+mod ledges;
 mod levels;
 mod motion;
 mod openings;

@@ -77,7 +77,7 @@ pub fn reconstruct(
         Covered::of(&space, filled.as_ref().unwrap_or(&measured), |place| patient.is_near_foreign(place));
     doubtful.extend(covered.take(&space, &mut measured));
     if let Some(filled) = &mut filled {
-        covered.take(&space, filled);
+        filled.retain(|c| !covered.holds(c.place));
     }
     let slices = rows(&space, &measured, &doubtful);
     let border = border(&space, &measured, &doubtful);

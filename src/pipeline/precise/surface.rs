@@ -139,6 +139,23 @@ impl Surface {
         self.places.len()
     }
 
+    /// How many nodes an area has, mm².
+    pub(super) fn nodes_of(&self, area: f64) -> usize {
+        (area / (self.leaf * self.leaf)) as usize
+    }
+
+    /// Diagonal of the box around some nodes, mm.
+    pub(super) fn extent(&self, nodes: &[usize]) -> f64 {
+        let (mut low, mut high): (Vec3, Vec3) = ([f64::MAX; 3], [f64::MIN; 3]);
+        for &node in nodes {
+            for a in 0..3 {
+                low[a] = low[a].min(self.places[node][a]);
+                high[a] = high[a].max(self.places[node][a]);
+            }
+        }
+        norm(sub(high, low))
+    }
+
     /// The links of a node.
     pub(super) fn links(&self, node: usize) -> impl Iterator<Item = Link> {
         let range = self.starts[node] as usize..self.starts[node + 1] as usize;
