@@ -60,9 +60,8 @@ pub struct Stretch {
     /// Its length along the contour, mm.
     pub length_mm: f64,
     /// What was measured where it was measured worst: mm to the other body (0 for a patch left apart
-    /// between such stretches), to the canal or to the end
-    /// of the field of view; how far off the skin could be, mm (`unresolved`); the share of its rim
-    /// that is a ledge (`covered`).
+    /// between such stretches), to the canal or to the end of the field of view; how far off the skin
+    /// could be, mm (`unresolved`); the share of its rim that is a ledge (`covered`).
     pub measured: f64,
     /// The limit it was held against, in the same unit.
     pub limit: f64,
