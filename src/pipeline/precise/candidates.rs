@@ -7,7 +7,7 @@ use super::field::{self, Field};
 use super::kinds::Cell;
 use super::levels::Levels;
 use super::outside::{Beyond, Outside};
-use super::patient::Patient;
+use super::patient::{CLEAR_MM, Patient};
 use super::space::Space;
 use super::stretches::StretchReason;
 use crate::geometry::{Vec3, add, dot, norm, normalised, scale, sub};
@@ -133,9 +133,9 @@ impl Search<'_> {
             let inner = inner_voxel;
             Some(Err(Doubtful { place, normal, axis: axis as u8, inner, reason, measured, limit }))
         };
-        if self.patient.owns(self.space, place, normal) != Some(true) {
+        let (clear_mm, true) = self.patient.behind(self.space, self.levels, place, normal)? else {
             return None;
-        }
+        };
         let ends = self.field_ends(inner, outer);
         match self.outside.beyond(place, normal) {
             Beyond::Outside => {}
@@ -153,6 +153,9 @@ impl Search<'_> {
         }
         if let Some(mm) = self.beside(place, normal) {
             return doubt(StretchReason::Touching, mm, BESIDE_MM.0);
+        }
+        if clear_mm > CLEAR_MM {
+            return doubt(StretchReason::Unresolved, clear_mm, CLEAR_MM);
         }
         let (tissue, air) = self.around(place, normal);
         let inner = inner_voxel;

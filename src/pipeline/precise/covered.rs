@@ -8,6 +8,7 @@ use super::crossings::Crossing;
 use super::fill;
 use super::leaves::key;
 use super::ledges::{Part, surrounded};
+use super::levels::Levels;
 use super::space::Space;
 use super::stretches::StretchReason;
 use super::surface::Surface;
@@ -55,11 +56,12 @@ impl Covered {
     /// `near_foreign` tells whether something foreign is close to a place.
     pub(super) fn of(
         space: &Space,
+        levels: &Levels,
         crossings: &[Crossing],
         near_foreign: impl Fn(Vec3) -> bool + Sync,
     ) -> Self {
         let mut surface = Surface::of(crossings, LEAF_MM);
-        let parts = surrounded(space, &mut surface);
+        let parts = surrounded(space, levels, &mut surface);
         let mut fates: Vec<Option<Fate>> = vec![None; surface.len()];
         for part in &parts {
             part.nodes.iter().for_each(|&node| fates[node] = Some(Fate::covered(part)));

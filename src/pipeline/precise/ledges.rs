@@ -13,8 +13,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::fill;
+use super::levels::Levels;
 use super::space::Space;
 use super::surface::Surface;
+use crate::geometry::{add, scale};
 
 /// Between slices further apart a ledge is no steeper than other skin, mm.
 const WIDEST_GAP_MM: f64 = 3.5;
@@ -39,13 +41,29 @@ struct Kind {
     ledge: f64,
     /// The same for a closer look.
     roughly: f64,
+    /// Whether a head has the like of it, which stands off the head: the ears.
+    as_ears: bool,
 }
 
-/// Masks and straps are larger than ears, noses and lips, fiducials and electrodes smaller.
-const KINDS: [Kind; 2] = [
-    Kind { extent_mm: 95.0..f64::INFINITY, area_mm2: 1500.0, compact: 0.0, ledge: 0.6, roughly: 0.5 },
-    Kind { extent_mm: 0.0..40.0, area_mm2: 60.0, compact: 0.3, ledge: 0.85, roughly: 0.75 },
+/// Masks and straps are larger than ears, noses and lips, fiducials and electrodes smaller. A pad may
+/// be as large as an ear; one as large as a chin, from 40 to 57 mm, is not told from it.
+const KINDS: [Kind; 3] = [
+    Kind {
+        extent_mm: 95.0..f64::INFINITY,
+        area_mm2: 1500.0,
+        compact: 0.0,
+        ledge: 0.6,
+        roughly: 0.5,
+        as_ears: false,
+    },
+    Kind { extent_mm: 57.0..95.0, area_mm2: 1000.0, compact: 0.2, ledge: 0.9, roughly: 0.8, as_ears: true },
+    Kind { extent_mm: 0.0..40.0, area_mm2: 60.0, compact: 0.3, ledge: 0.85, roughly: 0.75, as_ears: false },
 ];
+
+/// An ear has air behind it, no further away than this, mm,
+const BEHIND_MM: f64 = 6.0;
+/// over so much of its area.
+const AS_EARS: f64 = 0.2;
 
 /// A part of the surface with a ledge around it.
 #[derive(Debug)]
@@ -64,17 +82,21 @@ impl Part {
 }
 
 /// The parts with a ledge around them; none has a node in common with another.
-pub(super) fn surrounded(space: &Space, surface: &mut Surface) -> Vec<Part> {
+pub(super) fn surrounded(space: &Space, levels: &Levels, surface: &mut Surface) -> Vec<Part> {
     if space.gaps().into_iter().all(|gap| gap > WIDEST_GAP_MM) {
         return Vec::new();
     }
     let rough = fill::rough(surface);
-    if parts(surface, &rough, |kind| kind.roughly).is_empty() {
+    let is_ear =
+        |surface: &Surface, part: &Part| part.kind.as_ears && stands_off(space, levels, surface, part);
+    let found = parts(surface, &rough, |kind| kind.roughly);
+    if found.iter().all(|part| is_ear(surface, part)) {
         return Vec::new();
     }
     let axis = space.slice_axis();
     surface.level_between_slices(&space.gaps(), WIDEST_GAP_MM, |p| space.index(p)[axis]);
     let mut found = parts(surface, &fill::exact(surface, rough), |kind| kind.ledge);
+    found.retain(|part| !is_ear(surface, part));
     let mut taken = vec![false; surface.len()];
     let mut chosen = Vec::new();
     loop {
@@ -119,6 +141,16 @@ fn parts(surface: &Surface, fill: &[f64], least_ledge: impl Fn(&Kind) -> f64 + S
     };
     let found: Vec<Vec<Part>> = FILLS.par_iter().map(at).collect();
     found.into_iter().flatten().collect()
+}
+
+/// Whether a part has air behind it, as an ear has.
+fn stands_off(space: &Space, levels: &Levels, surface: &Surface, part: &Part) -> bool {
+    let before_air = |&&node: &&usize| {
+        let inward = surface.normals[node].map(|v| -f64::from(v));
+        let behind = |mm: f64| space.sample(add(surface.places[node], scale(inward, mm)));
+        (2..=BEHIND_MM as u32).any(|mm| behind(f64::from(mm)).is_some_and(|hu| hu < levels.middle()))
+    };
+    part.nodes.iter().filter(before_air).count() as f64 > AS_EARS * part.nodes.len() as f64
 }
 
 /// How many nodes on the rim of a part stand above what is beside it, below it, or level with it.

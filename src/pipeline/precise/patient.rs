@@ -30,6 +30,13 @@ const LONGEST_PART_MM: f64 = 95.0;
 /// A couch is seen apart from the patient if no more than this share of its cells is the patient's.
 const LENT: f64 = 0.3;
 
+/// Steps in which clear tissue is looked for behind a border, mm,
+const DEPTH_MM: f64 = 0.5;
+/// how deep the edge of the skin itself reaches,
+pub(super) const CLEAR_MM: f64 = 2.0;
+/// and a layer on it that is no clear tissue, such as a bandage, a gel or hair.
+const DEEPEST_MM: f64 = 20.0;
+
 /// What is so near something foreign may touch it, mm.
 const FOREIGN_MM: f64 = 3.5;
 /// Where so much of the view from a long part is the patient, it is the patient's all the same:
@@ -156,13 +163,21 @@ impl Patient {
         }
     }
 
-    /// Whether the first clear tissue behind a border at `p` with the outward normal `n` is the
-    /// patient's own; `None` if there is none.
-    pub(super) fn owns(&self, space: &Space, p: Vec3, n: Vec3) -> Option<bool> {
-        [0.5, 1.0, 1.5, 2.0]
-            .into_iter()
-            .find_map(|d| piece_at(space, &self.pieces, add(p, scale(n, -d))))
-            .map(|piece| self.own[piece as usize])
+    /// How far behind a border at `p` with the outward normal `n` the first clear tissue is that no
+    /// air parts from it, mm, and whether it is the patient's own; `None` if there is none.
+    pub(super) fn behind(&self, space: &Space, levels: &Levels, p: Vec3, n: Vec3) -> Option<(f64, bool)> {
+        let steps = (DEEPEST_MM / DEPTH_MM) as usize;
+        for d in (1..=steps).map(|step| step as f64 * DEPTH_MM) {
+            let index = nearest(space.clamped(add(p, scale(n, -d))));
+            let [z, y, x] = index;
+            if let Some(piece) = self.pieces.at(z, y, x) {
+                return Some((d, self.own[piece as usize]));
+            }
+            if d > CLEAR_MM && space.voxel(index) < levels.middle() {
+                return None;
+            }
+        }
+        None
     }
 }
 

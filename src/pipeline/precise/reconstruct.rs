@@ -73,8 +73,9 @@ pub fn reconstruct(
         doubtful.extend(between.settle(&space, &mut measured));
     }
     let mut filled = between.map(|between| between.fill(&space, measured.clone()));
-    let covered =
-        Covered::of(&space, filled.as_ref().unwrap_or(&measured), |place| patient.is_near_foreign(place));
+    let covered = Covered::of(&space, &levels, filled.as_ref().unwrap_or(&measured), |place| {
+        patient.is_near_foreign(place)
+    });
     doubtful.extend(covered.take(&space, &mut measured));
     if let Some(filled) = &mut filled {
         filled.retain(|c| !covered.holds(c.place));

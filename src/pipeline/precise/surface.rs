@@ -27,6 +27,8 @@ pub(super) struct Surface {
     pub(super) leaves: Vec<u64>,
     /// LPS mm.
     pub(super) places: Vec<Vec3>,
+    /// Outward unit normals.
+    pub(super) normals: Vec<[f32; 3]>,
     /// Where the links of each node begin, and where those of the last end.
     starts: Vec<u32>,
     /// The ends of all links.
@@ -89,8 +91,10 @@ impl Surface {
             count += links.len() as u32;
         }
         starts.push(count);
-        let mut surface = Self { leaf, leaves, places, starts, ends: linked.concat(), rises: Vec::new() };
-        surface.rises = surface.rises_over(&surface.smooth(&normals));
+        let normals = normals.into_iter().map(|n| n.map(|v| v as f32)).collect();
+        let ends = linked.concat();
+        let mut surface = Self { leaf, leaves, places, normals, starts, ends, rises: Vec::new() };
+        surface.rises = surface.rises_over(&surface.smooth());
         surface
     }
 
@@ -196,8 +200,8 @@ impl Surface {
     }
 
     /// The normals of the skin at large.
-    fn smooth(&self, normals: &[Vec3]) -> Vec<[f32; 3]> {
-        let mut smooth: Vec<[f32; 3]> = normals.iter().map(|n| n.map(|v| v as f32)).collect();
+    fn smooth(&self) -> Vec<[f32; 3]> {
+        let mut smooth = self.normals.clone();
         for _ in 0..SMOOTHED {
             let of_node = |node: usize| {
                 let mut sum = smooth[node];
