@@ -143,9 +143,20 @@ impl Search<'_> {
             Beyond::Canal(mm) => return doubt(StretchReason::Canal, mm, self.outside.reach_mm()),
             Beyond::Inside | Beyond::Cut => return None,
         }
+        // What a thick slice blurs shows in the slices beside it.
+        if clear_mm > CLEAR_MM && clear_mm <= self.blur(inner, normal) {
+            return None;
+        }
         // First, for a couch wider than the field of view is not the patient's missing skin.
-        if let Some(mm) = self.behind(place, normal) {
-            return doubt(StretchReason::Foreign, mm, DEPTHS[3] * self.patient.survey.cells.edge);
+        match self.behind(place, normal) {
+            (Cell::Patient, _) => {}
+            // A layer that is no clear tissue, but nothing else either.
+            (Cell::Air, _) if clear_mm > CLEAR_MM && self.is_patient(place, normal, clear_mm) => {
+                return doubt(StretchReason::Unresolved, clear_mm, CLEAR_MM);
+            }
+            (_, mm) => {
+                return doubt(StretchReason::Foreign, mm, DEPTHS[3] * self.patient.survey.cells.edge);
+            }
         }
         if let Some(voxels) = ends {
             let pixel = self.space.largest_pixel();
@@ -197,20 +208,29 @@ impl Search<'_> {
         beside.map(|f| f.0).min_by(f64::total_cmp)
     }
 
-    /// How far behind the border the survey sees something that is not the patient; `None` if it
-    /// sees the patient first.
-    fn behind(&self, p: Vec3, n: Vec3) -> Option<f64> {
+    /// What the survey sees first behind the border, and how far behind it, mm; air if nothing at all.
+    fn behind(&self, p: Vec3, n: Vec3) -> (Cell, f64) {
         let cells = &self.patient.survey.cells;
-        for step in DEPTHS {
-            if let Some(cell) = cells.at(add(p, scale(n, -step * cells.edge))) {
-                match self.patient.kinds[cells.offset(cell)] {
-                    Cell::Patient => return None,
-                    Cell::Attached | Cell::Other => return Some(step * cells.edge),
-                    Cell::Air => {}
-                }
-            }
-        }
-        Some(DEPTHS[3] * cells.edge)
+        let kind = |step: f64| {
+            let cell = cells.at(add(p, scale(n, -step * cells.edge)))?;
+            Some((self.patient.kinds[cells.offset(cell)], step * cells.edge))
+        };
+        let seen = DEPTHS.into_iter().filter_map(kind).find(|(kind, _)| *kind != Cell::Air);
+        seen.unwrap_or((Cell::Air, DEPTHS[3] * cells.edge))
+    }
+
+    /// How thick a slice is at a voxel along the normal, mm.
+    fn blur(&self, at: [usize; 3], n: Vec3) -> f64 {
+        let axis = self.space.slice_axis();
+        dot(self.space.step_at(axis, at[axis]), n).abs()
+    }
+
+    /// Whether the survey sees the patient so far behind the border, or a cell further.
+    fn is_patient(&self, p: Vec3, n: Vec3, mm: f64) -> bool {
+        let cells = &self.patient.survey.cells;
+        let depths = [mm, mm + cells.edge].into_iter();
+        let mut kinds = depths.filter_map(|d| cells.at(add(p, scale(n, -d)))).map(|cell| cells.offset(cell));
+        kinds.any(|cell| self.patient.kinds[cell] == Cell::Patient)
     }
 
     /// Outward unit normal from the gradient of HU over about a voxel and a half.
