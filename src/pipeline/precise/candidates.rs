@@ -241,8 +241,10 @@ impl Search<'_> {
     /// Level of the tissue inside and of the air outside, as far as they show there.
     fn around(&self, p: Vec3, n: Vec3) -> (f32, f32) {
         let at = |d: f64| self.space.sample(add(p, scale(n, d)));
-        let tissue = [-1.0, -1.4, -1.8].iter().filter_map(|&d| at(d)).fold(f32::MIN, f32::max);
-        let air = [1.2, 1.8, 2.4].iter().filter_map(|&d| at(d)).fold(f32::MAX, f32::min);
+        let tissue = [-1.0, -1.4, -1.8].iter().filter_map(|&d| at(d)).reduce(f32::max);
+        let air = [1.2, 1.8, 2.4].iter().filter_map(|&d| at(d)).reduce(f32::min);
+        // At the ends of the scan nothing is seen of one of them.
+        let (tissue, air) = (tissue.unwrap_or(self.levels.tissue), air.unwrap_or(self.levels.air));
         let cells = &self.patient.survey.cells;
         if cells.at(p).is_some_and(|cell| self.patient.near_foreign[cells.offset(cell)]) {
             return (tissue, gap(self.levels.air, tissue, air));

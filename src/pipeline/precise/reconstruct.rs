@@ -16,7 +16,7 @@ use super::levels::Levels;
 use super::outside::Outside;
 use super::patient::Patient;
 use super::quality::QualityLimits;
-use super::regions::Regions;
+use super::regions::{MOST_AIR_OF_WIDE, Regions, most_air};
 use super::skin::{BorderPoint, NoSkin, Skin, SkinPoint};
 use super::space::Space;
 use super::stretches::rows;
@@ -61,10 +61,10 @@ pub fn reconstruct(
         return Err(NoSkin::NoBorder);
     }
     go_on(Stage::Crossings, 0.4)?;
-    let rough = Regions::of(&candidates, &levels);
+    let rough = Regions::of(&candidates, &levels, MOST_AIR_OF_WIDE);
     let width = Width::of(&space, &levels, &candidates, &rough);
     plateau::refine_levels(&space, &width, &rough, &mut candidates);
-    let regions = Regions::of(&candidates, &levels);
+    let regions = Regions::of(&candidates, &levels, most_air(&width));
     let (mut measured, unclear) = crossings::measure(&space, &levels, &width, &regions, &candidates);
     drop(candidates);
     doubtful.extend(unclear);
