@@ -56,7 +56,7 @@ const KINDS: [Kind; 3] = [
         roughly: 0.5,
         as_ears: false,
     },
-    Kind { extent_mm: 57.0..95.0, area_mm2: 1000.0, compact: 0.2, ledge: 0.9, roughly: 0.8, as_ears: true },
+    Kind { extent_mm: 57.0..95.0, area_mm2: 1000.0, compact: 0.2, ledge: 0.8, roughly: 0.7, as_ears: true },
     Kind { extent_mm: 0.0..40.0, area_mm2: 60.0, compact: 0.3, ledge: 0.85, roughly: 0.75, as_ears: false },
 ];
 

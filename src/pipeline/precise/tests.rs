@@ -1,8 +1,8 @@
 //! The whole profile on phantoms whose skin is known.
 
-use super::{
-    Doubt, Missing, NoSkin, QualityLimits, Side, Skin, SkinPoint, StretchReason, Verdict, reconstruct,
-};
+mod on_the_skin;
+
+use super::{Doubt, NoSkin, QualityLimits, Skin, StretchReason, Verdict, reconstruct};
 use crate::geometry::{Plane, Vec3, dot, norm, sub};
 use crate::phantom::{Options, Phantom};
 use crate::pipeline::Silent;
@@ -65,104 +65,6 @@ fn a_scan_circle_within_the_head_is_no_skin() {
         let invented = errors.iter().filter(|e| e.abs() > 3.0).count();
         assert!(invented * 1000 < errors.len(), "{invented} of {} points are no skin", errors.len());
     }
-}
-
-/// The volume with a shell of plastic on the skin where `region` is, and the share of skin that it hides.
-fn with_shell(
-    phantom: &Phantom,
-    thickness: f64,
-    region: impl Fn(Vec3) -> bool,
-) -> (crate::dicom::Volume, f64) {
-    const PLASTIC_HU: f64 = 60.0;
-    let mut volume = phantom.volume();
-    let grid = volume.grid.clone();
-    for (index, v) in volume.hu.indexed_iter_mut() {
-        let p = grid.lps([index.0, index.1, index.2]);
-        if !region(p) {
-            continue;
-        }
-        let outside = phantom.signed_distance(p);
-        // With what the edge's half voxels lend to air.
-        let share = ((thickness - outside) / 0.9 + 0.5).clamp(0.0, 1.0);
-        if outside > -0.45 {
-            *v = (*v).max((-1000.0 + (PLASTIC_HU + 1000.0) * share) as i16);
-        }
-    }
-    let spots = phantom.skin_points(3.0);
-    let share = spots.iter().filter(|p| region(**p)).count() as f64 / spots.len() as f64;
-    (volume, share)
-}
-
-/// Half of a face, so that left and right can't be mixed up; the rest of the head keeps its skin.
-#[test]
-fn a_mask_without_a_gap_is_no_skin() {
-    let phantom = Phantom::new(Options { slice_mm: 1.5, slices: 120, ..options() }).expect("in range");
-    let masked = |[x, y, z]: Vec3| y < -10.0 && x < 15.0 && z.abs() < 60.0;
-    let (volume, hidden) = with_shell(&phantom, 2.5, masked);
-    let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
-    let errors = errors(&phantom, &skin);
-    let invented = errors.iter().filter(|e| e.abs() > 1.0).count();
-    assert!(invented * 500 < errors.len(), "{invented} of {} points lie on the mask", errors.len());
-    let missing = |reason, side| {
-        let of_both = skin.quality.missing.iter().filter(|m| m.reason == reason && m.side == side);
-        of_both.map(|m| m.area_cm2).sum::<f64>()
-    };
-    let of_side = |side| missing(StretchReason::Covered, side);
-    assert!(of_side(Side::Right) > 5.0 * of_side(Side::Left).max(1.0), "{:?}", skin.quality.missing);
-    // The neck below is skin in view, but none of the head's.
-    let stated = 1.0 - skin.quality.coverage;
-    assert!((1.0..1.5).contains(&(stated / hidden)), "{hidden} of all skin is hidden, {stated} missing");
-    let free: Vec<Vec3> = phantom.skin_points(3.0).into_iter().filter(|p| !masked(*p)).collect();
-    let covered = free.iter().filter(|p| has_point(&skin, **p, 1.5)).count();
-    assert!(covered * 100 >= free.len() * 90, "{covered} of {} free spots have a point", free.len());
-    assert!(skin.quality.doubts.contains(&Doubt::Coverage), "{:?}", skin.quality.doubts);
-}
-
-/// Discs as they are stuck on for navigation.
-#[test]
-fn fiducials_are_no_skin() {
-    let phantom = Phantom::new(Options { slice_mm: 1.5, slices: 120, ..options() }).expect("in range");
-    let scalp: Vec<Vec3> = phantom.skin_points(3.0).into_iter().filter(|p| p[2] > 40.0).collect();
-    let mut spots: Vec<Vec3> = Vec::new();
-    for p in scalp {
-        if spots.len() < 4 && spots.iter().all(|s| distance(*s, p) > 45.0) {
-            spots.push(p);
-        }
-    }
-    let stuck = |p: Vec3| spots.iter().any(|s| distance(*s, p) < 8.0);
-    let (volume, _) = with_shell(&phantom, 3.5, stuck);
-    let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
-    let errors = errors(&phantom, &skin);
-    let is_on = |e: &f64| (1.0..5.0).contains(e);
-    let on_disc = |spot: &Vec3| {
-        let near = |p: &SkinPoint| distance(p.place.map(f64::from), *spot) < 12.0;
-        skin.points.iter().zip(&errors).filter(|(p, e)| is_on(e) && near(p)).count()
-    };
-    let left: Vec<(Vec3, usize)> = spots.iter().map(|spot| (*spot, on_disc(spot))).collect();
-    assert!(left.iter().all(|l| l.1 < 10), "points left on the discs at {left:?}");
-    let covered = |m: &&Missing| m.reason == StretchReason::Covered;
-    let area: f64 = skin.quality.missing.iter().filter(covered).map(|m| m.area_cm2).sum();
-    assert!((4.0..30.0).contains(&area), "{area} cm² under four discs of 2 cm²");
-}
-
-/// He stands out on one side as a mask would, but back on the other.
-#[test]
-fn a_patient_who_moved_wears_no_mask() {
-    let phantom = Phantom::new(options()).expect("the options are in range");
-    let mut volume = phantom.volume();
-    let still = volume.hu.clone();
-    for ((z, y, x), v) in volume.hu.indexed_iter_mut() {
-        if z > 45 {
-            *v = still[[z, y.saturating_sub(2), x]];
-        }
-    }
-    let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
-    assert!(skin.quality.doubts.contains(&Doubt::Motion), "{:?}", skin.quality.doubts);
-    assert!(
-        skin.quality.missing.iter().all(|m| m.reason != StretchReason::Covered),
-        "{:?}",
-        skin.quality.missing
-    );
 }
 
 /// The straight way from contour to contour would cut off what is curved, and one slice alone does not
