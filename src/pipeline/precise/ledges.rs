@@ -1,4 +1,4 @@
-//! What lies on the skin without a gap: a mask, a strap, a fiducial.
+//! What lies on the skin without a gap: a mask, a strap, a pad, a fiducial.
 //!
 //! No gap and no edge parts such a thing from the skin, but where it ends its outer face stands
 //! above the skin beside it: a ledge. A head has ledges of its own, at the lips, the nose, the

@@ -22,14 +22,15 @@ pub enum StretchReason {
     Foreign,
     /// Something foreign touches the skin right beside.
     Touching,
-    /// A mask, a strap, a fiducial lies on the skin without a gap: a ledge runs around it.
+    /// A mask, a strap, a pad, a fiducial lies on the skin without a gap: a ledge runs around it.
     Covered,
     /// The image or its field of view ends here.
     FieldOfView,
     /// The rim of a nostril, an ear canal or the mouth: behind it is inside.
     Canal,
     /// The voxels do not tell where exactly the skin is: only one of two slices that lie far apart
-    /// shows it, or no edge is seen.
+    /// shows it, no edge is seen, or a layer that is no clear tissue lies on it (a bandage, a gel,
+    /// thick hair).
     Unresolved,
 }
 
