@@ -87,8 +87,10 @@ pub enum NoSkin {
     /// The histogram shows no air or no soft tissue.
     #[error("the scan shows no air or no soft tissue: are the values Hounsfield units?")]
     NoLevels,
-    /// Nothing in the scan is thick enough to be a patient.
-    #[error("nothing in the scan is thick enough to be a patient")]
+    /// Nothing in the scan can be a patient: it is thin, or alike in all slices, as a couch is.
+    #[error(
+        "no patient in the scan: nothing in it is thicker than 10 mm and not alike in all slices, as a couch is"
+    )]
     NoPatient,
     /// Not enough soft tissue lies within bone to be a brain.
     #[error(
