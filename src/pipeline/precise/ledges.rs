@@ -50,7 +50,7 @@ struct Kind {
 const KINDS: [Kind; 3] = [
     Kind {
         extent_mm: 95.0..f64::INFINITY,
-        area_mm2: 1500.0,
+        area_mm2: 2000.0,
         compact: 0.0,
         ledge: 0.6,
         roughly: 0.5,
