@@ -133,7 +133,7 @@ impl Search<'_> {
             let inner = inner_voxel;
             Some(Err(Doubtful { place, normal, axis: axis as u8, inner, reason, measured, limit }))
         };
-        let (clear_mm, true) = self.patient.behind(self.space, self.levels, place, normal)? else {
+        let (clear_mm, true) = self.patient.clear_tissue(self.space, self.levels, place, normal)? else {
             return None;
         };
         let ends = self.field_ends(inner, outer);

@@ -165,7 +165,13 @@ impl Patient {
 
     /// How far behind a border at `p` with the outward normal `n` the first clear tissue is that no
     /// air parts from it, mm, and whether it is the patient's own; `None` if there is none.
-    pub(super) fn behind(&self, space: &Space, levels: &Levels, p: Vec3, n: Vec3) -> Option<(f64, bool)> {
+    pub(super) fn clear_tissue(
+        &self,
+        space: &Space,
+        levels: &Levels,
+        p: Vec3,
+        n: Vec3,
+    ) -> Option<(f64, bool)> {
         let steps = (DEEPEST_MM / DEPTH_MM) as usize;
         for d in (1..=steps).map(|step| step as f64 * DEPTH_MM) {
             let index = nearest(space.clamped(add(p, scale(n, -d))));
