@@ -7,17 +7,15 @@ use super::candidates::{BESIDE_MM, Doubtful};
 use super::crossings::Crossing;
 use super::fill;
 use super::leaves::key;
-use super::ledges::{Part, surrounded};
+use super::ledges::{CLOSELY, COARSELY, Look, Part, surrounded};
 use super::levels::Levels;
 use super::space::Space;
 use super::stretches::StretchReason;
 use super::surface::Surface;
 use crate::geometry::Vec3;
 
-/// Edge of the mesh's leaves, mm.
-const LEAF_MM: f64 = 1.0;
-/// Skin so many links away from what is covered is surely none of it,
-const NEAR: usize = 16;
+/// Skin so far away from what is covered is surely none of it, in mm of links,
+const NEAR_MM: f64 = 16.0;
 /// if it is no island: least diagonal of the box around it, mm.
 const LEAST_SKIN_MM: f64 = 150.0;
 /// What would be filled further than this from there belongs to it.
@@ -27,12 +25,17 @@ const LARGEST_SCRAP_MM2: f64 = 4000.0;
 /// Something foreign is beside a piece if it is near more nodes than this, of the square root of the
 /// number within.
 const BY_FOREIGN: f64 = 0.5;
-/// What is covered reaches so many links beyond its rim: the ledge itself.
-const BEYOND: usize = 2;
 
 /// What of the surface is no skin for sure.
 #[derive(Debug)]
 pub(super) struct Covered {
+    seen: [Seen; 2],
+}
+
+/// What one look at the surface has shown.
+#[derive(Debug)]
+struct Seen {
+    leaf_mm: f64,
     /// Leaves, ascending.
     leaves: Vec<(u64, Fate)>,
 }
@@ -60,31 +63,14 @@ impl Covered {
         crossings: &[Crossing],
         near_foreign: impl Fn(Vec3) -> bool + Sync,
     ) -> Self {
-        let mut surface = Surface::of(crossings, LEAF_MM);
-        let parts = surrounded(space, levels, &mut surface);
-        let mut fates: Vec<Option<Fate>> = vec![None; surface.len()];
-        for part in &parts {
-            part.nodes.iter().for_each(|&node| fates[node] = Some(Fate::covered(part)));
-        }
-        // What goes with them has no rim of its own.
-        if let Some(largest) = parts.iter().max_by_key(|part| part.nodes.len()) {
-            let all: Vec<usize> = parts.iter().flat_map(|part| part.nodes.iter().copied()).collect();
-            for node in beyond(&surface, completed(&surface, &all), BEYOND) {
-                fates[node].get_or_insert(Fate::covered(largest));
-            }
-        }
-        let fate = Fate { reason: StretchReason::Touching, measured: 0.0, limit: BESIDE_MM.0 };
-        for node in scraps(&surface, near_foreign) {
-            fates[node].get_or_insert(fate);
-        }
-        let leaf = |(node, fate): (usize, Option<Fate>)| Some((surface.leaves[node], fate?));
-        Self { leaves: fates.into_iter().enumerate().filter_map(leaf).collect() }
+        let seen = |look, with_scraps| Seen::of(space, levels, crossings, look, with_scraps);
+        Self { seen: [seen(&CLOSELY, Some(&near_foreign)), seen(&COARSELY, None)] }
     }
 
     /// Takes the crossings out that are no skin.
     pub(super) fn take(&self, space: &Space, crossings: &mut Vec<Crossing>) -> Vec<Doubtful> {
         let mut doubtful = Vec::new();
-        if !self.leaves.is_empty() {
+        if self.seen.iter().any(|seen| !seen.leaves.is_empty()) {
             crossings.retain(|c| {
                 let fate = self.fate(c.place);
                 doubtful.extend(fate.map(|Fate { reason, measured, limit }| Doubtful {
@@ -108,7 +94,43 @@ impl Covered {
     }
 
     fn fate(&self, place: Vec3) -> Option<Fate> {
-        let leaf = key(place, LEAF_MM);
+        self.seen.iter().find_map(|seen| seen.fate(place))
+    }
+}
+
+impl Seen {
+    /// With `near_foreign` scraps are taken too.
+    fn of(
+        space: &Space,
+        levels: &Levels,
+        crossings: &[Crossing],
+        look: &Look,
+        near_foreign: Option<&(impl Fn(Vec3) -> bool + Sync)>,
+    ) -> Self {
+        let mut surface = Surface::of(crossings, look.leaf_mm);
+        let parts = surrounded(space, levels, &mut surface, look);
+        let mut fates: Vec<Option<Fate>> = vec![None; surface.len()];
+        for part in &parts {
+            part.nodes.iter().for_each(|&node| fates[node] = Some(Fate::covered(part)));
+        }
+        // What goes with them has no rim of its own.
+        if let Some(largest) = parts.iter().max_by_key(|part| part.nodes.len()) {
+            let all: Vec<usize> = parts.iter().flat_map(|part| part.nodes.iter().copied()).collect();
+            for node in beyond(&surface, completed(&surface, &all), look.beyond) {
+                fates[node].get_or_insert(Fate::covered(largest));
+            }
+        }
+        let fate = Fate { reason: StretchReason::Touching, measured: 0.0, limit: BESIDE_MM.0 };
+        for node in near_foreign.map_or_else(Vec::new, |near| scraps(&surface, near)) {
+            fates[node].get_or_insert(fate);
+        }
+        let leaf = |(node, fate): (usize, Option<Fate>)| Some((surface.leaves[node], fate?));
+        let leaves = fates.into_iter().enumerate().filter_map(leaf).collect();
+        Self { leaf_mm: look.leaf_mm, leaves }
+    }
+
+    fn fate(&self, place: Vec3) -> Option<Fate> {
+        let leaf = key(place, self.leaf_mm);
         self.leaves.binary_search_by_key(&leaf, |l| l.0).ok().map(|i| self.leaves[i].1)
     }
 }
@@ -120,7 +142,9 @@ fn completed(surface: &Surface, part: &[usize]) -> Vec<usize> {
     let (_, others) = surface.parts(|node| !is_in[node], |_, link| !link.is_ledge());
     let large = others.into_iter().filter(|nodes| surface.extent(nodes) >= LEAST_SKIN_MM);
     let mut is_far = marked(surface, &large.flatten().collect::<Vec<_>>());
-    beyond(surface, part.to_vec(), NEAR).into_iter().for_each(|node| is_far[node] = false);
+    beyond(surface, part.to_vec(), (NEAR_MM / surface.leaf) as usize)
+        .into_iter()
+        .for_each(|node| is_far[node] = false);
     let from_part = fill::between(surface, &is_in, &is_far);
     (0..surface.len()).filter(|&node| from_part[node] > WITHIN).collect()
 }

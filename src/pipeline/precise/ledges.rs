@@ -7,10 +7,18 @@
 //! below; what they give flows along the skin, not over ledges, and is lost on the way. Sources and
 //! sinks of an open ledge cancel each other from a distance. What a closed ledge surrounds fills up;
 //! it is taken for covered if nearly all of its rim is indeed a ledge.
+//!
+//! The wall of a thick pad is wider than the skin that a close look compares it with, so the search is
+//! made on a coarse mesh as well.
 
-use std::ops::Range;
+mod kinds;
+mod rim;
 
 use rayon::prelude::*;
+
+use kinds::Kind;
+pub(super) use kinds::{CLOSELY, COARSELY, Look};
+use rim::Rim;
 
 use super::fill;
 use super::levels::Levels;
@@ -22,43 +30,13 @@ use crate::geometry::{add, scale};
 const WIDEST_GAP_MM: f64 = 3.5;
 /// The fill from which a part may be covered, in links at a node.
 const FILLS: [f64; 6] = [0.0, 0.3, 1.0, 2.0, 4.0, 10.0];
-/// A rim is no shorter for what it surrounds: least number of nodes on it, of the square root of
-/// the number within. It parts what is covered from all that is not.
-const LEAST_RIM: f64 = 3.5;
 /// Of parts that differ no more in the share of their rims the largest is taken.
 const ALIKE: f64 = 0.05;
 
-/// What may be covered, by size and by how much of its rim has to be a ledge.
-#[derive(Debug)]
-struct Kind {
-    /// Diagonal of the box around it, mm.
-    extent_mm: Range<f64>,
-    /// Least area, mm²,
-    area_mm2: f64,
-    /// and of the square of the diagonal: a fold of the skin is narrow.
-    compact: f64,
-    /// Least share of the rim that is a ledge.
-    ledge: f64,
-    /// The same for a closer look.
-    roughly: f64,
-    /// Whether a head has the like of it, which stands off the head: the ears.
-    as_ears: bool,
-}
-
-/// Masks and straps are larger than ears, noses and lips, fiducials and electrodes smaller. A pad may
-/// be as large as an ear; one as large as a chin, from 40 to 57 mm, is not told from it.
-const KINDS: [Kind; 3] = [
-    Kind {
-        extent_mm: 95.0..f64::INFINITY,
-        area_mm2: 2000.0,
-        compact: 0.0,
-        ledge: 0.6,
-        roughly: 0.5,
-        as_ears: false,
-    },
-    Kind { extent_mm: 57.0..95.0, area_mm2: 1000.0, compact: 0.2, ledge: 0.8, roughly: 0.7, as_ears: true },
-    Kind { extent_mm: 0.0..40.0, area_mm2: 60.0, compact: 0.3, ledge: 0.85, roughly: 0.75, as_ears: false },
-];
+/// What faces one way: least cosine between normals,
+const ONE_WAY: f32 = 0.866;
+/// of which so many are tried.
+const WAYS: usize = 300;
 
 /// An ear has air behind it, no further away than this, mm,
 const BEHIND_MM: f64 = 6.0;
@@ -79,24 +57,40 @@ impl Part {
     pub(super) fn limit(&self) -> f64 {
         self.kind.ledge
     }
+
+    /// Whether enough of it faces one way.
+    fn is_flat(&self, surface: &Surface) -> bool {
+        let alike = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > ONE_WAY;
+        let facing = |i: usize| {
+            let way = surface.normals[self.nodes[i * self.nodes.len() / WAYS]];
+            self.nodes.iter().filter(|&&node| alike(surface.normals[node], way)).count()
+        };
+        let extent = surface.extent(&self.nodes);
+        let most = (0..WAYS).into_par_iter().map(facing).max().unwrap_or(0);
+        most >= surface.nodes_of(self.kind.flat * extent * extent)
+    }
 }
 
 /// The parts with a ledge around them; none has a node in common with another.
-pub(super) fn surrounded(space: &Space, levels: &Levels, surface: &mut Surface) -> Vec<Part> {
+pub(super) fn surrounded(space: &Space, levels: &Levels, surface: &mut Surface, look: &Look) -> Vec<Part> {
     if space.gaps().into_iter().all(|gap| gap > WIDEST_GAP_MM) {
         return Vec::new();
     }
     let rough = fill::rough(surface);
     let is_ear =
         |surface: &Surface, part: &Part| part.kind.as_ears && stands_off(space, levels, surface, part);
-    let found = parts(surface, &rough, |kind| kind.roughly);
+    let found = parts(surface, &rough, look.kinds, |kind| kind.roughly);
     if found.iter().all(|part| is_ear(surface, part)) {
         return Vec::new();
     }
-    let axis = space.slice_axis();
-    surface.level_between_slices(&space.gaps(), WIDEST_GAP_MM, |p| space.index(p)[axis]);
-    let mut found = parts(surface, &fill::exact(surface, rough), |kind| kind.ledge);
-    found.retain(|part| !is_ear(surface, part));
+    if look.shows_motion {
+        let axis = space.slice_axis();
+        surface.level_between_slices(&space.gaps(), WIDEST_GAP_MM, |p| space.index(p)[axis]);
+    }
+    let mut found = parts(surface, &fill::exact(surface, rough), look.kinds, |kind| kind.ledge);
+    // What is round beside a mask is the mask's.
+    let any_large = found.iter().any(|part| part.kind.flat == 0.0);
+    found.retain(|part| (any_large || part.is_flat(surface)) && !is_ear(surface, part));
     let mut taken = vec![false; surface.len()];
     let mut chosen = Vec::new();
     loop {
@@ -113,7 +107,12 @@ pub(super) fn surrounded(space: &Space, levels: &Levels, surface: &mut Surface) 
 
 /// The parts of any kind that are filled to any of the limits and of whose rim at least that share is
 /// a ledge.
-fn parts(surface: &Surface, fill: &[f64], least_ledge: impl Fn(&Kind) -> f64 + Sync) -> Vec<Part> {
+fn parts(
+    surface: &Surface,
+    fill: &[f64],
+    kinds: &'static [Kind],
+    least_ledge: impl Fn(&Kind) -> f64 + Sync,
+) -> Vec<Part> {
     let is_ledge: Vec<bool> = (0..surface.len())
         .into_par_iter()
         .map(|node| {
@@ -127,15 +126,14 @@ fn parts(surface: &Surface, fill: &[f64], least_ledge: impl Fn(&Kind) -> f64 + S
         let (part_of, parts) = surface.parts(|node| fill[node] > *least, |_, link| !link.is_ledge());
         let part = |nodes: Vec<usize>| {
             let extent = surface.extent(&nodes);
-            let kind = KINDS.iter().find(|kind| kind.extent_mm.contains(&extent))?;
-            if nodes.len() < surface.nodes_of(kind.area_mm2.max(kind.compact * extent * extent)) {
-                return None;
-            }
+            let mut kinds = kinds.iter().filter(|kind| kind.has_size(surface, &nodes, extent)).peekable();
+            kinds.peek()?;
             let part = part_of[nodes[0]];
             let rim = Rim::of(surface, &nodes, |to| part_of[to] != part, |to| is_ledge[to]);
-            let long = f64::from(rim.above) >= LEAST_RIM * (nodes.len() as f64).sqrt();
+            let long = f64::from(rim.above) / (nodes.len() as f64).sqrt();
             let ledge = rim.share(rim.above);
-            (ledge >= least_ledge(kind) && long).then_some(Part { nodes, ledge, kind })
+            let kind = kinds.find(|kind| kind.rim.contains(&long) && ledge >= least_ledge(kind))?;
+            Some(Part { nodes, ledge, kind })
         };
         parts.into_iter().filter_map(part).collect()
     };
@@ -153,63 +151,21 @@ fn stands_off(space: &Space, levels: &Levels, surface: &Surface, part: &Part) ->
     part.nodes.iter().filter(before_air).count() as f64 > AS_EARS * part.nodes.len() as f64
 }
 
-/// How many nodes on the rim of a part stand above what is beside it, below it, or level with it.
-#[derive(Debug, Default)]
-struct Rim {
-    above: u32,
-    below: u32,
-    level: u32,
-}
-
-impl Rim {
-    /// The rim of some nodes toward those `beside` them; nodes on a ledge are level with nothing.
-    fn of(
-        surface: &Surface,
-        nodes: &[usize],
-        beside: impl Fn(usize) -> bool,
-        is_ledge: impl Fn(usize) -> bool,
-    ) -> Self {
-        let mut rim = Self::default();
-        for &node in nodes {
-            let (mut above, mut below, mut level) = (false, false, false);
-            for link in surface.links(node).filter(|link| beside(link.to)) {
-                above |= link.is_ledge() && link.rise < 0.0;
-                below |= link.is_ledge() && link.rise > 0.0;
-                level |= !link.is_ledge() && !is_ledge(link.to);
-            }
-            rim.above += u32::from(above);
-            rim.below += u32::from(below && !above);
-            rim.level += u32::from(level);
-        }
-        rim
-    }
-
-    /// The share of so many of the rim's nodes.
-    fn share(&self, nodes: u32) -> f64 {
-        f64::from(nodes) / f64::from((self.above + self.below + self.level).max(1))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::crossings::Crossing;
     use super::*;
-    use crate::geometry::PlaneSet;
+    use crate::geometry::{PlaneSet, normalised};
 
-    /// A flat skin of 240 mm with a plate of 140 mm on it, 2.5 mm thick; where `slope` it slopes down
-    /// to the skin over 25 mm.
-    fn plate(slope: impl Fn(f64, f64) -> bool) -> Surface {
-        let height = |x: f64, y: f64| {
-            let beyond = x.abs().max(y.abs()) - 70.0;
-            let width = if slope(x, y) { 25.0 } else { 1.0 };
-            2.5 * (-beyond / width).clamp(0.0, 1.0)
-        };
+    /// A flat skin of 240 mm with something on it that is so high at x, y.
+    fn with(height: impl Fn(f64, f64) -> f64) -> Surface {
         let crossings: Vec<Crossing> = (0..480 * 480)
             .map(|i| {
                 let (x, y) = (f64::from(i % 480) * 0.5 - 120.0, f64::from(i / 480) * 0.5 - 120.0);
+                let along = |dx, dy| height(x + dx, y + dy) - height(x - dx, y - dy);
                 Crossing {
                     place: [x, y, height(x, y)],
-                    normal: [0.0, 0.0, 1.0],
+                    normal: normalised([-along(0.5, 0.0), -along(0.0, 0.5), 1.0]).expect("upward"),
                     planes: PlaneSet::EMPTY,
                     axis: 0,
                     between: false,
@@ -222,13 +178,23 @@ mod tests {
         Surface::of(&crossings, 1.0)
     }
 
+    /// A square plate, so many mm from its middle to its edges and 2.5 mm thick; where `slope` it slopes
+    /// down to the skin over 25 mm.
+    fn plate(half: f64, slope: impl Fn(f64, f64) -> bool) -> Surface {
+        with(|x, y| {
+            let beyond = x.abs().max(y.abs()) - half;
+            let width = if slope(x, y) { 25.0 } else { 1.0 };
+            2.5 * (-beyond / width).clamp(0.0, 1.0)
+        })
+    }
+
     fn found(surface: &Surface) -> Vec<Part> {
-        parts(surface, &fill::exact(surface, fill::rough(surface)), |kind| kind.ledge)
+        parts(surface, &fill::exact(surface, fill::rough(surface)), &kinds::THIN, |kind| kind.ledge)
     }
 
     #[test]
     fn what_a_ledge_surrounds_is_covered() {
-        let surface = plate(|_, _| false);
+        let surface = plate(70.0, |_, _| false);
         let largest = found(&surface).into_iter().max_by_key(|part| part.nodes.len()).expect("a plate");
         let within = |node: &&usize| surface.places[**node][..2].iter().all(|v| v.abs() < 70.5);
         let inner = largest.nodes.iter().filter(within).count();
@@ -239,7 +205,23 @@ mod tests {
 
     #[test]
     fn what_has_a_ledge_on_one_side_alone_is_not() {
-        let parts = found(&plate(|x, _| x < 60.0));
+        let parts = found(&plate(70.0, |x, _| x < 60.0));
         assert!(parts.is_empty(), "{:?}", parts.iter().map(|p| (p.nodes.len(), p.ledge)).collect::<Vec<_>>());
+    }
+
+    /// As large as lips or a nose.
+    #[test]
+    fn what_is_round_is_no_pad() {
+        let of_size = |surface: &Surface| -> Vec<Part> {
+            let parts = found(surface);
+            parts.into_iter().filter(|part| surface.extent(&part.nodes) > 57.0).collect()
+        };
+        let pad = plate(23.0, |_, _| false);
+        let parts = of_size(&pad);
+        assert!(!parts.is_empty() && parts.iter().all(|part| part.is_flat(&pad)));
+        let dome = with(|x, y| 9.0 * (1.0 - (x / 31.0).powi(2) - (y / 15.0).powi(2)).max(0.0).sqrt());
+        let parts = of_size(&dome);
+        assert!(!parts.is_empty(), "it is as large as a pad and has a ledge around it");
+        assert!(!parts.iter().any(|part| part.is_flat(&dome)));
     }
 }

@@ -3,7 +3,7 @@
 use super::super::{Doubt, Missing, QualityLimits, Side, Skin, SkinPoint, StretchReason, reconstruct};
 use super::{distance, errors, has_point, options};
 use crate::dicom::Volume;
-use crate::geometry::Vec3;
+use crate::geometry::{Vec3, norm, sub};
 use crate::phantom::{Options, Phantom};
 use crate::pipeline::Silent;
 
@@ -11,14 +11,15 @@ use crate::pipeline::Silent;
 const PLASTIC: f64 = 60.0;
 const BANDAGE: f64 = -400.0;
 
-/// The volume with a shell of so many HU on the skin where `region` is, and the share of skin that it
-/// hides.
-fn with_shell(phantom: &Phantom, hu: f64, thickness: f64, region: impl Fn(Vec3) -> bool) -> (Volume, f64) {
+/// The volume with a shell of so many HU on the skin, which is so many mm thick at a place, and the share
+/// of skin that it hides.
+fn with_shell(phantom: &Phantom, hu: f64, thickness: impl Fn(Vec3) -> f64) -> (Volume, f64) {
     let mut volume = phantom.volume();
     let grid = volume.grid.clone();
     for (index, v) in volume.hu.indexed_iter_mut() {
         let p = grid.lps([index.0, index.1, index.2]);
-        if !region(p) {
+        let thickness = thickness(p);
+        if thickness <= 0.0 {
             continue;
         }
         let outside = phantom.signed_distance(p);
@@ -29,8 +30,13 @@ fn with_shell(phantom: &Phantom, hu: f64, thickness: f64, region: impl Fn(Vec3) 
         }
     }
     let spots = phantom.skin_points(3.0);
-    let share = spots.iter().filter(|p| region(**p)).count() as f64 / spots.len() as f64;
+    let share = spots.iter().filter(|p| thickness(**p) > 0.0).count() as f64 / spots.len() as f64;
     (volume, share)
+}
+
+/// So many mm where `region` is.
+fn of(thickness: f64, region: impl Fn(Vec3) -> bool) -> impl Fn(Vec3) -> f64 {
+    move |p| if region(p) { thickness } else { 0.0 }
 }
 
 /// What is missing of a side for a reason, cm².
@@ -44,7 +50,7 @@ fn missing(skin: &Skin, reason: StretchReason, side: Side) -> f64 {
 fn a_mask_without_a_gap_is_no_skin() {
     let phantom = Phantom::new(Options { slice_mm: 1.5, slices: 120, ..options() }).expect("in range");
     let masked = |[x, y, z]: Vec3| y < -10.0 && x < 15.0 && z.abs() < 60.0;
-    let (volume, hidden) = with_shell(&phantom, PLASTIC, 2.5, masked);
+    let (volume, hidden) = with_shell(&phantom, PLASTIC, of(2.5, masked));
     let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
     let errors = errors(&phantom, &skin);
     let invented = errors.iter().filter(|e| e.abs() > 1.0).count();
@@ -72,7 +78,7 @@ fn fiducials_are_no_skin() {
         }
     }
     let stuck = |p: Vec3| spots.iter().any(|s| distance(*s, p) < 8.0);
-    let (volume, _) = with_shell(&phantom, PLASTIC, 3.5, stuck);
+    let (volume, _) = with_shell(&phantom, PLASTIC, of(3.5, stuck));
     let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
     let errors = errors(&phantom, &skin);
     let is_on = |e: &f64| (1.0..5.0).contains(e);
@@ -92,7 +98,7 @@ fn fiducials_are_no_skin() {
 fn a_pad_of_an_ears_size_is_no_skin() {
     let phantom = Phantom::new(Options { slice_mm: 1.5, slices: 120, ..options() }).expect("in range");
     let pad = |[x, y, z]: Vec3| x > 0.0 && (-45.0..0.0).contains(&y) && (15.0..60.0).contains(&z);
-    let (volume, _) = with_shell(&phantom, PLASTIC, 6.0, pad);
+    let (volume, _) = with_shell(&phantom, PLASTIC, of(6.0, pad));
     let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
     let left = errors(&phantom, &skin).into_iter().filter(|e| *e > 2.0).count();
     assert!(left < 20, "{left} points lie on the pad");
@@ -104,13 +110,51 @@ fn a_pad_of_an_ears_size_is_no_skin() {
     assert!(found * 100 >= free.len() * 98, "{found} of {} free spots have a point", free.len());
 }
 
+/// Its wall is a slope of 50°, no steeper than the sides of a nose.
+#[test]
+fn a_thick_pad_with_a_bevelled_edge_is_no_skin() {
+    let phantom = Phantom::new(Options { slice_mm: 1.5, slices: 120, ..options() }).expect("in range");
+    let thickness = |[x, y, z]: Vec3| {
+        let from_edge = (40.0 - (x - 8.0).abs()).min(30.0 - (z - 30.0).abs());
+        if y < 0.0 { (1.2 * from_edge).min(10.0) } else { 0.0 }
+    };
+    let (volume, hidden) = with_shell(&phantom, PLASTIC, thickness);
+    let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
+    let left = errors(&phantom, &skin).into_iter().filter(|e| *e > 2.0).count();
+    assert!(left * 1000 < skin.points.len(), "{left} points lie on the pad");
+    let stated = 1.0 - skin.quality.coverage;
+    assert!((0.85..1.6).contains(&(stated / hidden)), "{hidden} of all skin is hidden, {stated} missing");
+}
+
+/// It has no rim that is any longer than it is thick.
+#[test]
+fn a_finger_on_the_brow_is_no_skin() {
+    let phantom = Phantom::new(Options { slice_mm: 1.5, slices: 120, ..options() }).expect("in range");
+    let mut volume = phantom.volume();
+    let grid = volume.grid.clone();
+    let foot = [25.0, -80.0, 25.0];
+    for (index, v) in volume.hu.indexed_iter_mut() {
+        let p = sub(grid.lps([index.0, index.1, index.2]), foot);
+        let along = (p[1] * -0.94 + p[2] * 0.34).clamp(0.0, 50.0);
+        let beside = norm(sub(p, [0.0, -0.94 * along, 0.34 * along])) - 8.0;
+        let share = (0.5 - beside / 0.9).clamp(0.0, 1.0);
+        *v = (*v).max((-1000.0 + 1050.0 * share) as i16);
+    }
+    let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
+    let left = errors(&phantom, &skin).into_iter().filter(|e| *e > 2.0).count();
+    assert!(left < 20, "{left} points lie on the finger");
+    let total: f64 = skin.quality.missing.iter().map(|m| m.area_cm2).sum();
+    let covered = missing(&skin, StretchReason::Covered, Side::Anterior);
+    assert!(covered > 10.0 && total < covered + 1.0, "{:?}", skin.quality.missing);
+}
+
 /// No edge tells where the skin below it is, and its own outer face is no tissue: what it hides is
 /// missing, and the report says so.
 #[test]
 fn what_a_bandage_hides_is_missing() {
     let phantom = Phantom::new(Options { slice_mm: 1.5, slices: 120, ..options() }).expect("in range");
     let bound = |[x, y, z]: Vec3| x > -20.0 && y < 60.0 && (12.0..45.0).contains(&z);
-    let (volume, hidden) = with_shell(&phantom, BANDAGE, 5.0, bound);
+    let (volume, hidden) = with_shell(&phantom, BANDAGE, of(5.0, bound));
     let skin = reconstruct(&volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
     let invented = errors(&phantom, &skin).into_iter().filter(|e| *e > 2.0).count();
     assert!(invented * 500 < skin.points.len(), "{invented} points lie on the bandage");

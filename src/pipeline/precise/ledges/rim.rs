@@ -1,0 +1,40 @@
+//! The rim of a part of the skin.
+
+use super::super::surface::Surface;
+
+/// How many nodes on the rim of a part stand above what is beside it, below it, or level with it.
+#[derive(Debug, Default)]
+pub(super) struct Rim {
+    pub(super) above: u32,
+    below: u32,
+    level: u32,
+}
+
+impl Rim {
+    /// The rim of some nodes toward those `beside` them; nodes on a ledge are level with nothing.
+    pub(super) fn of(
+        surface: &Surface,
+        nodes: &[usize],
+        beside: impl Fn(usize) -> bool,
+        is_ledge: impl Fn(usize) -> bool,
+    ) -> Self {
+        let mut rim = Self::default();
+        for &node in nodes {
+            let (mut above, mut below, mut level) = (false, false, false);
+            for link in surface.links(node).filter(|link| beside(link.to)) {
+                above |= link.is_ledge() && link.rise < 0.0;
+                below |= link.is_ledge() && link.rise > 0.0;
+                level |= !link.is_ledge() && !is_ledge(link.to);
+            }
+            rim.above += u32::from(above);
+            rim.below += u32::from(below && !above);
+            rim.level += u32::from(level);
+        }
+        rim
+    }
+
+    /// The share of so many of the rim's nodes.
+    pub(super) fn share(&self, nodes: u32) -> f64 {
+        f64::from(nodes) / f64::from((self.above + self.below + self.level).max(1))
+    }
+}
