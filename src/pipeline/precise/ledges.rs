@@ -77,9 +77,10 @@ pub(super) fn surrounded(space: &Space, levels: &Levels, surface: &mut Surface, 
         return Vec::new();
     }
     let rough = fill::rough(surface);
+    let at_end = at_end(space, surface);
     let is_ear =
         |surface: &Surface, part: &Part| part.kind.as_ears && stands_off(space, levels, surface, part);
-    let found = parts(surface, &rough, look.kinds, |kind| kind.roughly);
+    let found = parts(surface, &rough, &at_end, look.kinds, |kind| kind.roughly);
     if found.iter().all(|part| is_ear(surface, part)) {
         return Vec::new();
     }
@@ -87,7 +88,7 @@ pub(super) fn surrounded(space: &Space, levels: &Levels, surface: &mut Surface, 
         let axis = space.slice_axis();
         surface.level_between_slices(&space.gaps(), WIDEST_GAP_MM, |p| space.index(p)[axis]);
     }
-    let mut found = parts(surface, &fill::exact(surface, rough), look.kinds, |kind| kind.ledge);
+    let mut found = parts(surface, &fill::exact(surface, rough), &at_end, look.kinds, |kind| kind.ledge);
     // What is round beside a mask is the mask's.
     let any_large = found.iter().any(|part| part.kind.flat == 0.0);
     found.retain(|part| (any_large || part.is_flat(surface)) && !is_ear(surface, part));
@@ -110,6 +111,7 @@ pub(super) fn surrounded(space: &Space, levels: &Levels, surface: &mut Surface, 
 fn parts(
     surface: &Surface,
     fill: &[f64],
+    at_end: &[bool],
     kinds: &'static [Kind],
     least_ledge: impl Fn(&Kind) -> f64 + Sync,
 ) -> Vec<Part> {
@@ -129,7 +131,8 @@ fn parts(
             let mut kinds = kinds.iter().filter(|kind| kind.has_size(surface, &nodes, extent)).peekable();
             kinds.peek()?;
             let part = part_of[nodes[0]];
-            let rim = Rim::of(surface, &nodes, |to| part_of[to] != part, |to| is_ledge[to]);
+            let rim =
+                Rim::of(surface, &nodes, |to| part_of[to] != part, |to| is_ledge[to], |node| at_end[node]);
             let long = f64::from(rim.above) / (nodes.len() as f64).sqrt();
             let ledge = rim.share(rim.above);
             let kind = kinds.find(|kind| kind.rim.contains(&long) && ledge >= least_ledge(kind))?;
@@ -139,6 +142,13 @@ fn parts(
     };
     let found: Vec<Vec<Part>> = FILLS.par_iter().map(at).collect();
     found.into_iter().flatten().collect()
+}
+
+/// Which nodes are within a leaf of the first or the last slice.
+fn at_end(space: &Space, surface: &Surface) -> Vec<bool> {
+    let [up, down] = [surface.leaf, -surface.leaf].map(|mm| scale(space.slice_normal(), mm));
+    let is_out = |p| space.sample(p).is_none();
+    surface.places.par_iter().map(|p| is_out(add(*p, up)) || is_out(add(*p, down))).collect()
 }
 
 /// Whether a part has air behind it, as an ear has.
@@ -189,7 +199,8 @@ mod tests {
     }
 
     fn found(surface: &Surface) -> Vec<Part> {
-        parts(surface, &fill::exact(surface, fill::rough(surface)), &kinds::THIN, |kind| kind.ledge)
+        let fill = fill::exact(surface, fill::rough(surface));
+        parts(surface, &fill, &vec![false; surface.len()], &kinds::THIN, |kind| kind.ledge)
     }
 
     #[test]

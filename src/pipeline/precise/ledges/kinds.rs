@@ -109,7 +109,7 @@ const THICK: [Kind; 3] = [
     Kind {
         extent_mm: 20.0..150.0,
         area_mm2: 300.0,
-        compact: 0.5,
+        compact: 0.0,
         flat: 0.0,
         rim: STICKING_OUT,
         ledge: 0.8,

@@ -11,16 +11,18 @@ pub(super) struct Rim {
 }
 
 impl Rim {
-    /// The rim of some nodes toward those `beside` them; nodes on a ledge are level with nothing.
+    /// The rim of some nodes toward those `beside` them; nodes on a ledge are level with nothing. At
+    /// the end of the scan no ledge is seen: there they are level with what may follow.
     pub(super) fn of(
         surface: &Surface,
         nodes: &[usize],
         beside: impl Fn(usize) -> bool,
         is_ledge: impl Fn(usize) -> bool,
+        at_end: impl Fn(usize) -> bool,
     ) -> Self {
         let mut rim = Self::default();
         for &node in nodes {
-            let (mut above, mut below, mut level) = (false, false, false);
+            let (mut above, mut below, mut level) = (false, false, at_end(node));
             for link in surface.links(node).filter(|link| beside(link.to)) {
                 above |= link.is_ledge() && link.rise < 0.0;
                 below |= link.is_ledge() && link.rise > 0.0;
