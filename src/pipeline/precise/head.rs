@@ -134,7 +134,6 @@ impl Head {
     /// Where the head leaves the scan above and at the sides: its cells next to the scan's borders.
     fn find_cuts(&mut self, space: &Space, field: &Field, patient: &Patient, lowest: usize) {
         let Survey { cells, seen, .. } = &patient.survey;
-        let s = space.slice_axis();
         let step = [1, cells.shape[0], cells.shape[0] * cells.shape[1]];
         let of_cell = |i: usize| {
             let (cell, mut above, mut aside) = (cells.cell(i), 0_usize, 0_usize);
@@ -149,7 +148,7 @@ impl Head {
                     let filled = space.within(index) == index && !field.holds(nearest(index));
                     let upward = axis == 2 && way > 0.0;
                     above += usize::from(upward);
-                    aside += usize::from(axis != 2 && (filled || (0..3).any(|a| a != s && left(a))));
+                    aside += usize::from(axis != 2 && (filled || [1, 2].into_iter().any(left)));
                 }
             }
             (above, aside)

@@ -2,7 +2,7 @@
 //! a place.
 
 use crate::dicom::Volume;
-use crate::geometry::{Axis, Vec3, add, cross, dot, norm, normalised, scale, sub};
+use crate::geometry::{Axis, Grid, Vec3, add, cross, dot, norm, normalised, scale, sub};
 
 /// Read access to a volume by voxel, by fractional index and by place in LPS mm.
 ///
@@ -16,7 +16,7 @@ pub(super) struct Space<'a> {
     pub(super) shape: [usize; 3],
     slice_axis: usize,
     in_plane: [usize; 2],
-    origins: &'a [Vec3],
+    origins: Vec<Vec3>,
     step: [Vec3; 3],
     normal: Vec3,
     /// Place of each slice along `normal`, mm; ascending.
@@ -28,19 +28,33 @@ pub(super) struct Space<'a> {
     even: Option<[Vec3; 3]>,
 }
 
+/// Voxels that are longer than this many times the distance of the acquired slices, along another axis, come
+/// from thick slices along that one: what was acquired was reformatted.
+const REFORMATTED: f64 = 1.1;
+
 /// Slices no further than this from where even steps would put them count as even, mm.
 const EVEN_MM: f64 = 1e-6;
+
+/// The grid with the slices along its coarsest axis, be it that of the images or, in a sagittal or coronal
+/// series that was reformatted from thick axial slices, another one.
+fn along_coarsest(grid: &Grid) -> Grid {
+    let length = |axis: Axis| norm(grid.step()[axis as usize]);
+    let coarsest = Axis::ALL.into_iter().max_by(|&a, &b| length(a).total_cmp(&length(b)));
+    let others = |axis| Axis::ALL.into_iter().filter(move |&a| a != axis).map(length).fold(0.0, f64::max);
+    let reformatted = coarsest.filter(|&axis| length(axis) > REFORMATTED * others(axis));
+    reformatted.and_then(|axis| grid.sliced_along(axis)).unwrap_or_else(|| grid.clone())
+}
 
 impl<'a> Space<'a> {
     /// `None` for a volume with fewer than two voxels along an axis, or one whose voxels have no
     /// extent.
     pub(super) fn new(volume: &'a Volume) -> Option<Self> {
         let hu = volume.hu.as_slice()?;
-        let grid = &volume.grid;
-        let shape = grid.shape();
+        let shape = volume.grid.shape();
         if shape.iter().any(|&n| n < 2) {
             return None;
         }
+        let grid = along_coarsest(&volume.grid);
         let slice_axis = grid.slice_axis() as usize;
         let in_plane = match grid.slice_axis() {
             Axis::Z => [1, 2],
@@ -53,7 +67,7 @@ impl<'a> Space<'a> {
         if dot(normal, step[slice_axis]) < 0.0 {
             normal = scale(normal, -1.0);
         }
-        let origins = grid.slice_origins();
+        let origins = grid.slice_origins().to_vec();
         let heights: Vec<f64> = origins.iter().map(|&o| dot(o, normal)).collect();
         if heights.windows(2).any(|w| w[1] <= w[0]) {
             return None;
@@ -80,9 +94,9 @@ impl<'a> Space<'a> {
     }
 
     fn even_steps(&self) -> Option<[Vec3; 3]> {
-        let [first, .., last] = self.origins else { return None };
-        let step = scale(sub(*last, *first), 1.0 / (self.origins.len() - 1) as f64);
-        let expected = |k: usize| add(*first, scale(step, k as f64));
+        let [first, .., last] = self.origins[..] else { return None };
+        let step = scale(sub(last, first), 1.0 / (self.origins.len() - 1) as f64);
+        let expected = |k: usize| add(first, scale(step, k as f64));
         if self.origins.iter().enumerate().any(|(k, &o)| norm(sub(o, expected(k))) > EVEN_MM) {
             return None;
         }
@@ -112,7 +126,7 @@ impl<'a> Space<'a> {
         f32::from(self.hu[self.offset(index)])
     }
 
-    /// Index of the axis along which the slices were acquired.
+    /// Index of the axis of the slices: the one along which they were acquired, or the coarsest.
     pub(super) fn slice_axis(&self) -> usize {
         self.slice_axis
     }

@@ -4,7 +4,7 @@ mod on_the_skin;
 
 use super::{Doubt, NoSkin, QualityLimits, Skin, StretchReason, Verdict, reconstruct};
 use crate::geometry::{Plane, Vec3, dot, norm, sub};
-use crate::phantom::{Options, Phantom};
+use crate::phantom::{Acquisition, Options, Phantom};
 use crate::pipeline::Silent;
 
 /// A scan that is quick to make and to read: 0.9 mm pixels, 2 mm slices.
@@ -105,6 +105,23 @@ fn the_skin_lies_in_its_true_place() {
         "only {covered} of {} spots of skin have a point",
         truth.len()
     );
+}
+
+/// In a sagittal series that was reformatted from thick axial slices the skin between these is found as well.
+#[test]
+fn the_same_voxels_in_sagittal_images_give_the_same_skin() {
+    let reformatted = Acquisition { plane: Plane::Sagittal, ..Acquisition::default() };
+    let clouds = [Acquisition::default(), reformatted].map(|acquisition| {
+        let (_, skin) = run(Options { acquisition, yaw_deg: 9.0, ..options() }, 1.0);
+        skin.expect("a head")
+    });
+    let [axial, sagittal] = &clouds;
+    assert_eq!(axial.points.len(), sagittal.points.len());
+    assert!((axial.quality.coverage - sagittal.quality.coverage).abs() < 1e-6);
+    for (a, s) in axial.points.iter().zip(&sagittal.points) {
+        let apart = distance(a.place.map(f64::from), s.place.map(f64::from));
+        assert!(apart < 0.001, "{a:?} and {s:?} are {apart} mm apart");
+    }
 }
 
 /// Where slices lie 4 mm apart the vertex shows in one of them alone.
