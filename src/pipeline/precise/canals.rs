@@ -19,7 +19,7 @@ const FOLD_MM: f64 = 6.0;
 /// Narrow air deeper than this is no fold but a canal, mm.
 const CANAL_MM: f64 = 12.0;
 /// A canal's rim is looked for no further out than this before the narrow air, mm.
-const RIM_MM: f64 = 6.0;
+const RIM_MM: f64 = 8.0;
 /// Straight lines through a place, half a turn of them.
 const LINES: u32 = 256;
 /// A line is free if it meets nothing so far to both sides, mm.
