@@ -126,7 +126,7 @@ fn a_thick_pad_with_a_bevelled_edge_is_no_skin() {
     assert!((0.85..1.6).contains(&(stated / hidden)), "{hidden} of all skin is hidden, {stated} missing");
 }
 
-/// It has no rim that is any longer than it is thick.
+/// The rim of its foot is short: what tells it from a nose is how far it sticks out of it.
 #[test]
 fn a_finger_on_the_brow_is_no_skin() {
     let phantom = Phantom::new(Options { slice_mm: 1.5, slices: 120, ..options() }).expect("in range");
