@@ -83,7 +83,7 @@ impl Grid {
     }
 
     /// The same places with the lines along `axis` in the part of the slices. `None` where that would
-    /// move a voxel by more than [`EVEN_MM`], or the axes are not at right angles.
+    /// move a voxel by more than 0.001 mm, or the axes are not at right angles.
     #[must_use]
     pub fn sliced_along(&self, axis: Axis) -> Option<Self> {
         if axis == self.slice_axis {
