@@ -24,6 +24,7 @@ exec schemathesis run "$base/openapi.json" \
     --max-examples "${EXAMPLES:-50}" \
     --seed 1 \
     --request-timeout 30 \
+    --max-response-time 30 \
     --suppress-health-check all \
     --continue-on-failure \
     "$@"

@@ -18,20 +18,31 @@ use crate::geometry::{Vec3, add, scale};
 const FOLD_MM: f64 = 6.0;
 /// Narrow air deeper than this is no fold but a canal, mm.
 const CANAL_MM: f64 = 12.0;
-/// A canal's rim is looked for no further out than this before the narrow air, mm.
+/// A canal's rim is looked for no further out than this before the narrow air, mm: as far, the ball of
+/// [`super::outside`] reaches into a wide nostril.
 const RIM_MM: f64 = 8.0;
+/// Further out than this all the lines must be shut: a bowl around it (a concha) is skin, mm.
+const NEAR_RIM_MM: f64 = 6.0;
 /// Straight lines through a place, half a turn of them.
 const LINES: u32 = 256;
 /// A line is free if it meets nothing so far to both sides, mm.
 const FREE_MM: f64 = 7.0;
-/// A place is within a canal if less than this share of the lines is free.
-const LEAST_FREE: f64 = 0.03;
-/// So is one next to places within it with less than this, at its rim.
-const RIM_FREE: f64 = 0.1;
+/// A place is within a canal if less than the first share of the lines is free, and at its rim if less than
+/// the second is and it lies next to places within it.
+const FREE: (f64, f64) = (0.03, 0.1);
+/// The same further out than [`NEAR_RIM_MM`].
+const FREE_FAR: (f64, f64) = (1.0 / LINES as f64, 0.03);
 /// Next to it are so many of the 26 around, at least.
 const RIM_NEIGHBOURS: usize = 6;
 /// Chamfer steps of the walk through narrow air, in thirds of a cell, by how many axes they go along.
 const STEPS: [u32; 4] = [0, 3, 4, 5];
+
+/// How closed in a cell before a canal is.
+struct Judged {
+    cell: usize,
+    within: bool,
+    at_rim: bool,
+}
 
 /// Marks the narrow air that is fold (open) and the one that is canal: what lies deeper than a
 /// fold, and on the way from the open air to what is deeper than any fold what is closed in.
@@ -44,23 +55,28 @@ pub(super) fn close_canals(cells: &Cells, air: &mut [u8]) {
     let depth: HashMap<usize, u32> = narrow.into_iter().collect();
     let back = walk(cells, &deep, canal + thirds(RIM_MM), |i| air[i] == OPEN || depth.contains_key(&i));
     let lines = directions();
-    let judged: Vec<(usize, f64)> = back
+    let near = canal + thirds(NEAR_RIM_MM);
+    let judged: Vec<Judged> = back
         .into_par_iter()
-        .map(|(i, _)| i)
-        .filter(|i| depth.get(i).is_none_or(|&d| d <= fold))
-        .map(|i| (i, free_share(cells, air, &lines, i)))
+        .filter(|(i, _)| depth.get(i).is_none_or(|&d| d <= fold))
+        .map(|(cell, d)| {
+            let free = free_share(cells, air, &lines, cell);
+            let (within, at_rim) = if d > near { FREE_FAR } else { FREE };
+            Judged { cell, within: free < within, at_rim: free < at_rim }
+        })
         .collect();
     for (i, d) in depth {
         air[i] = if d > fold { CANAL } else { OPEN };
     }
-    for &(i, _) in judged.iter().filter(|j| j.1 < LEAST_FREE) {
-        air[i] = CANAL;
+    for canal in judged.iter().filter(|j| j.within) {
+        air[canal.cell] = CANAL;
     }
-    let at_rim = |i: usize| {
+    let next_to_canal = |i: usize| {
         let closed = cells.around(i).filter(|&(j, _)| air[j] == CANAL);
         closed.count() >= RIM_NEIGHBOURS
     };
-    let rim: Vec<usize> = judged.iter().filter(|j| j.1 < RIM_FREE && at_rim(j.0)).map(|j| j.0).collect();
+    let rim: Vec<usize> =
+        judged.iter().filter(|j| j.at_rim && next_to_canal(j.cell)).map(|j| j.cell).collect();
     for i in rim {
         air[i] = CANAL;
     }
