@@ -28,8 +28,8 @@ pub(super) struct Space<'a> {
     even: Option<[Vec3; 3]>,
 }
 
-/// Voxels that are longer than this many times the distance of the acquired slices, along another axis, come
-/// from thick slices along that one: what was acquired was reformatted.
+/// Voxels so many times longer along one axis of the images than along both others come from slices along
+/// it: the series was reformatted.
 const REFORMATTED: f64 = 1.1;
 
 /// Slices no further than this from where even steps would put them count as even, mm.
