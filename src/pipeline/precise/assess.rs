@@ -6,7 +6,6 @@ use super::crossings::Crossing;
 use super::head::Head;
 use super::kinds::{Cell, each_cell};
 use super::levels::Levels;
-use super::motion::largest_step;
 use super::patient::Patient;
 use super::quality::{Missing, Quality, SideQuality, Verdict};
 use super::sides::Side;
@@ -91,7 +90,7 @@ pub(super) fn quality(
     width: &Width,
     head: &Head,
     areas: &Areas,
-    measured: &[Crossing],
+    motion_mm: f64,
     points: &[(Vec3, Agreement)],
 ) -> Quality {
     let all: Vec<f64> = offsets(points.iter().map(|p| &p.1));
@@ -132,7 +131,7 @@ pub(super) fn quality(
         edge_in_plane_mm: width.in_plane(),
         edge_across_mm: width.across(),
         slice_mm: space.gaps().into_iter().fold(0.0, f64::max),
-        motion_mm: largest_step(space, measured, head.middle),
+        motion_mm,
         cut_above_cm2: head.cut_above_cm2,
         cut_below_cm2: head.cut_below_cm2,
         cut_at_side_cm2: head.cut_at_side_cm2,

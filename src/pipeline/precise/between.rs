@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::candidates::Doubtful;
 use super::contours::Contours;
 use super::crossings::Crossing;
+use super::parted::parted;
 use super::space::Space;
 use super::stretches::StretchReason;
 use crate::geometry::dot;
@@ -44,16 +45,8 @@ impl Between {
     /// Puts what only one slice shows where the contours have it, and takes out what nobody can place:
     /// it lies anywhere up to the other slice.
     pub(super) fn settle(&self, space: &Space, crossings: &mut Vec<Crossing>) -> Vec<Doubtful> {
-        let settled: Vec<Result<Crossing, Doubtful>> =
-            crossings.par_iter().map(|c| self.settled(space, c)).collect();
-        crossings.clear();
-        let mut doubtful = Vec::new();
-        for one in settled {
-            match one {
-                Ok(crossing) => crossings.push(crossing),
-                Err(doubt) => doubtful.push(doubt),
-            }
-        }
+        let (settled, doubtful) = parted(crossings.par_iter().map(|c| self.settled(space, c)));
+        *crossings = settled;
         doubtful
     }
 

@@ -117,12 +117,10 @@ fn free_share(cells: &Cells, air: &[u8], lines: &[Vec3], cell: usize) -> f64 {
 /// The open cells that share a face with narrow ones: past an edge or a corner a thin wall would let
 /// through.
 fn next_to_narrow(cells: &Cells, air: &[u8]) -> Vec<usize> {
-    let mut next = Vec::new();
-    for i in (0..cells.len()).filter(|&i| air[i] == ENCLOSED) {
-        let beside = cells.around(i).filter(|&(j, steps)| steps == 1 && air[j] == OPEN);
-        next.extend(beside.map(|(j, _)| j));
-    }
-    next.sort_unstable();
+    let narrow = (0..cells.len()).into_par_iter().filter(|&i| air[i] == ENCLOSED);
+    let beside = |i| cells.around(i).filter(|&(j, steps)| steps == 1 && air[j] == OPEN).map(|(j, _)| j);
+    let mut next: Vec<usize> = narrow.flat_map_iter(beside).collect();
+    next.par_sort_unstable();
     next.dedup();
     next
 }

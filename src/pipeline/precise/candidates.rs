@@ -7,7 +7,9 @@ use super::field::{self, Field};
 use super::kinds::Cell;
 use super::levels::Levels;
 use super::outside::{Beyond, Outside};
+use super::parted::joined;
 use super::patient::{CLEAR_MM, Patient};
+use super::rows::{Rows, WORD, ones, steps};
 use super::space::Space;
 use super::stretches::StretchReason;
 use crate::geometry::{Vec3, add, dot, norm, normalised, scale, sub};
@@ -43,41 +45,32 @@ pub(super) fn find(
 ) -> (Vec<Candidate>, Vec<Doubtful>) {
     let [nz, ny, nx] = space.shape;
     let middle = levels.middle().ceil() as i16;
+    let dense = Rows::of(nx, space.hu, |&v| v >= middle);
     let search = Search { space, levels, field, patient, outside };
-    let found: Vec<Result<Candidate, Doubtful>> = (0..nz)
+    let found: Vec<(Vec<Candidate>, Vec<Doubtful>)> = (0..nz)
         .into_par_iter()
-        .flat_map_iter(|z| {
-            let mut found = Vec::new();
+        .map(|z| {
+            let (mut candidates, mut doubtful) = (Vec::new(), Vec::new());
+            let mut judge = |at, axis, ascending| match search.judge(at, axis, ascending) {
+                Some(Ok(candidate)) => candidates.push(candidate),
+                Some(Err(doubt)) => doubtful.push(doubt),
+                None => {}
+            };
             for y in 0..ny {
-                let row = &space.hu[space.offset([z, y, 0])..][..nx];
-                for (x, pair) in row.windows(2).enumerate() {
-                    if (pair[0] >= middle) != (pair[1] >= middle) {
-                        found.extend(search.judge([z, y, x], 2, pair[0] >= middle));
-                    }
-                }
-                for (axis, next) in [(1, [z, y + 1, 0]), (0, [z + 1, y, 0])] {
-                    if next[1] >= ny || next[0] >= nz {
-                        continue;
-                    }
-                    let other = &space.hu[space.offset(next)..][..nx];
-                    for (x, (&a, &b)) in row.iter().zip(other).enumerate() {
-                        if (a >= middle) != (b >= middle) {
-                            found.extend(search.judge([z, y, x], axis, a >= middle));
-                        }
+                let row = dense.row(z * ny + y);
+                let is_dense = |x: usize| row[x / WORD] >> (x % WORD) & 1 == 1;
+                steps(row, nx).for_each(|x| judge([z, y, x], 2, is_dense(x)));
+                for (axis, next) in [(1, [z, y + 1]), (0, [z + 1, y])] {
+                    if next[0] < nz && next[1] < ny {
+                        let across = row.iter().zip(dense.row(next[0] * ny + next[1])).map(|(a, b)| a ^ b);
+                        ones(across).for_each(|x| judge([z, y, x], axis, is_dense(x)));
                     }
                 }
             }
-            found
+            (candidates, doubtful)
         })
         .collect();
-    let (mut candidates, mut doubtful) = (Vec::with_capacity(found.len()), Vec::new());
-    for one in found {
-        match one {
-            Ok(candidate) => candidates.push(candidate),
-            Err(doubt) => doubtful.push(doubt),
-        }
-    }
-    (candidates, doubtful)
+    joined(found)
 }
 
 /// A border of the patient that was not accepted as skin.

@@ -1,7 +1,9 @@
 //! The couch and what else has the same cross-section in every slice: boards, holders, rails.
 
-use super::distance::squared_distance;
+use rayon::prelude::*;
+
 use super::kinds::{BALL_MM, Cell};
+use super::reach::within;
 use super::survey::Survey;
 
 /// A column along the table counts as filled if this share of it is.
@@ -28,19 +30,20 @@ pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) -> Vec<Outline> {
     let [nx, ny, nz] = cells.shape;
     let layer = nx * ny;
     let (mut seen, mut full) = (vec![0u32; layer], vec![0u32; layer]);
-    for z in 0..nz {
-        for i in 0..layer {
-            if survey.seen[z * layer + i] {
-                seen[i] += 1;
-                full[i] += u32::from(kinds[z * layer + i] != Cell::Air);
+    seen.par_chunks_mut(nx).zip(full.par_chunks_mut(nx)).enumerate().for_each(|(y, (seen, full))| {
+        for row in (0..nz).map(|z| z * layer + y * nx) {
+            for (x, (seen, full)) in seen.iter_mut().zip(&mut *full).enumerate() {
+                let is_seen = survey.seen[row + x];
+                *seen += u32::from(is_seen);
+                *full += u32::from(is_seen && kinds[row + x] != Cell::Air);
             }
         }
-    }
+    });
     let long = |i: usize| f64::from(seen[i]) * cells.edge >= LEAST_LENGTH_MM;
     let share = |i: usize| f64::from(full[i]) / f64::from(seen[i].max(1));
     let filled: Vec<bool> = (0..layer).map(|i| long(i) && share(i) >= SHARE).collect();
     let emptiness = |i: usize| if long(i) { 1.0 - share(i) } else { 1.0 };
-    let inside = squared_distance([nx, ny, 1], cells.squared(BALL_MM), |i| !filled[i]);
+    let at_border = within([nx, ny, 1], cells.squared(BALL_MM), |i| !filled[i]);
     let mut marked = Vec::new();
     for outline in outlines(nx, ny, &filled) {
         let (mut border, mut free) = (0usize, 0f64);
@@ -61,7 +64,7 @@ pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) -> Vec<Outline> {
         if free < FREE_BORDER * border as f64 {
             continue;
         }
-        let thin = outline.iter().all(|&i| inside[i] != u16::MAX);
+        let thin = outline.iter().all(|&i| at_border[i]);
         let columns = outline.into_iter().flat_map(|i| (0..nz).map(move |z| z * layer + i));
         let found: Vec<usize> = columns.filter(|&i| kinds[i] == Cell::Patient).collect();
         for &i in &found {

@@ -64,7 +64,9 @@ impl Covered {
         near_foreign: impl Fn(Vec3) -> bool + Sync,
     ) -> Self {
         let seen = |look, with_scraps| Seen::of(space, levels, crossings, look, with_scraps);
-        Self { seen: [seen(&CLOSELY, Some(&near_foreign)), seen(&COARSELY, None)] }
+        let (closely, coarsely) =
+            rayon::join(|| seen(&CLOSELY, Some(&near_foreign)), || seen(&COARSELY, None));
+        Self { seen: [closely, coarsely] }
     }
 
     /// Takes the crossings out that are no skin.

@@ -1,11 +1,11 @@
 //! Where in the scan the patient is: a wide field of view is mostly air and couch, and the fine
 //! survey is for the patient.
 
-use super::distance::squared_distance;
 use super::field::Field;
 use super::kinds::{Cell, tissue};
 use super::levels::Levels;
 use super::pieces::Pieces;
+use super::reach::within;
 use super::space::Space;
 use super::survey::{Cells, Survey, whole};
 use crate::geometry::Vec3;
@@ -28,8 +28,8 @@ pub(super) fn bounds(space: &Space, field: &Field, levels: &Levels) -> [Vec3; 2]
     let survey = Survey::of(space, field, Cells::over(all, EDGE_MM));
     let cells = survey.cells;
     let kinds = tissue(&survey, levels);
-    let depth = squared_distance(cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
-    let thick = Pieces::of(cells.shape, |i| depth[i] == u16::MAX);
+    let at_border = within(cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
+    let thick = Pieces::of(cells.shape, |i| !at_border[i]);
     let Some(main) = thick.largest() else { return all };
     let least = thick.sizes()[main as usize] / SHARE;
     let (mut low, mut high) = ([usize::MAX; 3], [0; 3]);

@@ -8,6 +8,7 @@ use super::candidates::{Candidate, Doubtful};
 use super::edge::{self, Profile};
 use super::field;
 use super::levels::Levels;
+use super::parted::parted;
 use super::regions::{Regions, median};
 use super::space::Space;
 use super::stretches::StretchReason;
@@ -50,69 +51,56 @@ pub(super) fn measure(
     candidates: &[Candidate],
 ) -> (Vec<Crossing>, Vec<Doubtful>) {
     let steep = Steep::new(space);
-    let usual_air = median((0..candidates.len()).map(|i| regions.levels(i).1));
-    let usual_decline = median(candidates.iter().map(|c| c.decline));
-    let found: Vec<Result<Crossing, Doubtful>> = candidates
-        .par_iter()
-        .enumerate()
-        .map(|(i, c)| {
-            let doubt = |reason, measured, limit| Doubtful {
-                place: c.place,
-                normal: c.normal,
-                axis: c.axis,
-                inner: c.inner,
-                reason,
-                measured,
-                limit,
-            };
-            let (tissue, air) = regions.levels(i);
-            let contrast = f64::from(tissue - air);
-            let step = space.mean_step(usize::from(c.axis));
-            let across = dot(c.normal, step).abs();
-            let sigma = width.along(c.normal);
-            let profile = Profile {
-                shares: profile(space, c).map(|v| f64::from(v - air) / contrast),
-                slope: across / sigma,
-                noise: f64::from(levels.noise) / contrast,
-                least_share: levels.least_share(tissue, air),
-            };
-            let edge = edge::fit(&profile);
-            let off = (edge.place - 0.5).abs();
-            if off > FURTHEST {
-                return Err(doubt(StretchReason::Unresolved, off * across, FURTHEST * across));
-            }
-            let mut index = c.inner.map(f64::from);
-            let axis = usize::from(c.axis);
-            index[axis] += if c.ascending { edge.place } else { -edge.place };
-            // Beyond the first and the last voxel nothing was measured.
-            if !(0.0..=(space.shape[axis] - 1) as f64).contains(&index[axis]) {
-                return Err(doubt(
-                    StretchReason::FieldOfView,
-                    0.0,
-                    field::RIM as f64 * space.largest_pixel(),
-                ));
-            }
-            Ok(Crossing {
-                place: space.lps(index),
-                normal: c.normal,
-                planes: steep.planes(c.axis, c.normal),
-                axis: c.axis,
-                between: false,
-                coarseness: across / sigma,
-                error: edge.deviation * across,
-                level: sigma * TAU.sqrt() * f64::from((air - usual_air).hypot(c.decline - usual_decline))
-                    / contrast,
-            })
-        })
-        .collect();
-    let (mut measured, mut doubtful) = (Vec::with_capacity(found.len()), Vec::new());
-    for one in found {
-        match one {
-            Ok(crossing) => measured.push(crossing),
-            Err(doubt) => doubtful.push(doubt),
+    let (usual_air, usual_decline) = rayon::join(
+        || median((0..candidates.len()).map(|i| regions.levels(i).1)),
+        || median(candidates.iter().map(|c| c.decline)),
+    );
+    let crossing = |(i, c): (usize, &Candidate)| {
+        let doubt = |reason, measured, limit| Doubtful {
+            place: c.place,
+            normal: c.normal,
+            axis: c.axis,
+            inner: c.inner,
+            reason,
+            measured,
+            limit,
+        };
+        let (tissue, air) = regions.levels(i);
+        let contrast = f64::from(tissue - air);
+        let step = space.mean_step(usize::from(c.axis));
+        let across = dot(c.normal, step).abs();
+        let sigma = width.along(c.normal);
+        let profile = Profile {
+            shares: profile(space, c).map(|v| f64::from(v - air) / contrast),
+            slope: across / sigma,
+            noise: f64::from(levels.noise) / contrast,
+            least_share: levels.least_share(tissue, air),
+        };
+        let edge = edge::fit(&profile);
+        let off = (edge.place - 0.5).abs();
+        if off > FURTHEST {
+            return Err(doubt(StretchReason::Unresolved, off * across, FURTHEST * across));
         }
-    }
-    (measured, doubtful)
+        let mut index = c.inner.map(f64::from);
+        let axis = usize::from(c.axis);
+        index[axis] += if c.ascending { edge.place } else { -edge.place };
+        // Beyond the first and the last voxel nothing was measured.
+        if !(0.0..=(space.shape[axis] - 1) as f64).contains(&index[axis]) {
+            return Err(doubt(StretchReason::FieldOfView, 0.0, field::RIM as f64 * space.largest_pixel()));
+        }
+        Ok(Crossing {
+            place: space.lps(index),
+            normal: c.normal,
+            planes: steep.planes(c.axis, c.normal),
+            axis: c.axis,
+            between: false,
+            coarseness: across / sigma,
+            error: edge.deviation * across,
+            level: sigma * TAU.sqrt() * f64::from((air - usual_air).hypot(c.decline - usual_decline))
+                / contrast,
+        })
+    };
+    parted(candidates.par_iter().enumerate().map(crossing))
 }
 
 /// Six voxels along the line, from the tissue to the air; the candidate's two in the middle.

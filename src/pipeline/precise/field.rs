@@ -45,7 +45,12 @@ impl Field {
     /// Whether a voxel `[z, y, x]` was reconstructed.
     #[inline]
     pub(super) fn holds(&self, voxel: [usize; 3]) -> bool {
-        self.distance(voxel) != Some(0)
+        self.is_whole() || self.distance(voxel) != Some(0)
+    }
+
+    /// Whether all of the images was reconstructed.
+    fn is_whole(&self) -> bool {
+        self.distance.iter().all(Vec::is_empty)
     }
 
     /// How many voxels `[z, y, x]` is from what was not reconstructed; `None` if more than [`RIM`].

@@ -7,10 +7,10 @@
 //! | step | module |
 //! |---|---|
 //! | the scan as a field in mm | `space`, `levels`, `field` |
-//! | cells for the search in 3D | `crop`, `survey`, `distance`, `pieces` |
+//! | cells for the search in 3D | `crop`, `survey`, `rows`, `reach`, `pieces` |
 //! | which tissue is the patient | `kinds`, `couch`, `patient`, `enclosure`, `sheets`, `head` |
 //! | which border is skin | `outside`, `openings`, `canals` |
-//! | where exactly | `candidates`, `width`, `plateau`, `regions`, `crossings`, `edge` |
+//! | where exactly | `candidates`, `width`, `plateau`, `regions`, `crossings`, `edge`, `parted` |
 //! | what lies on it | `surface`, `fill`, `ledges`, `covered` |
 //! | between thick slices | `between`, `contours`, `caps` |
 //! | what was not accepted | `stretches` |
@@ -29,7 +29,6 @@ mod couch;
 mod covered;
 mod crop;
 mod crossings;
-mod distance;
 mod edge;
 mod enclosure;
 mod field;
@@ -43,12 +42,15 @@ mod motion;
 mod openings;
 mod order;
 mod outside;
+mod parted;
 mod patient;
 mod pieces;
 mod plateau;
 mod quality;
+mod reach;
 mod reconstruct;
 mod regions;
+mod rows;
 mod sheets;
 mod sides;
 mod skin;

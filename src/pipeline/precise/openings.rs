@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::distance::squared_distance;
 use super::field::Field;
 use super::kinds::Cell;
 use super::levels::Levels;
+use super::reach::within;
 use super::space::{Space, nearest};
 use super::survey::{Cells, Survey};
 
@@ -39,12 +39,11 @@ impl FieldBorder {
         if !aside.par_iter().any(|a| *a) {
             return Self(Vec::new());
         }
-        let near = squared_distance(cells.shape, squared(AT_BORDER), |i| aside[i]);
-        let at = |i: usize| match near[i] {
-            u16::MAX => At::Elsewhere,
-            _ if aside[i] => At::Elsewhere,
-            _ if ends_in_tissue(space, levels, field, cells, i) => At::Tissue,
-            _ => At::Border,
+        let near = within(cells.shape, squared(AT_BORDER), |i| aside[i]);
+        let at = |i: usize| match near[i] && !aside[i] {
+            false => At::Elsewhere,
+            true if ends_in_tissue(space, levels, field, cells, i) => At::Tissue,
+            true => At::Border,
         };
         Self((0..cells.len()).into_par_iter().map(at).collect())
     }
@@ -59,11 +58,11 @@ impl FieldBorder {
         }
         let border = |i: usize| at[i] != At::Elsewhere;
         let wide = cells.squared(WIDE_MM);
-        let from_cut = squared_distance(cells.shape, wide, cut);
-        let from_wide = squared_distance(cells.shape, wide, |i| border(i) && from_cut[i] == u16::MAX);
-        let narrow = |i: usize| border(i) && kinds[i] != Cell::Patient && from_wide[i] == u16::MAX;
-        let beyond = squared_distance(cells.shape, squared(BEYOND), narrow);
-        let shuts = |i: usize| narrow(i) || (survey.aside[i] && beyond[i] != u16::MAX);
+        let near_cut = within(cells.shape, wide, cut);
+        let near_wide = within(cells.shape, wide, |i| border(i) && !near_cut[i]);
+        let narrow = |i: usize| border(i) && kinds[i] != Cell::Patient && !near_wide[i];
+        let near_narrow = within(cells.shape, squared(BEYOND), narrow);
+        let shuts = |i: usize| narrow(i) || (survey.aside[i] && near_narrow[i]);
         (0..cells.len()).into_par_iter().map(shuts).collect()
     }
 }

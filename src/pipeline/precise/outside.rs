@@ -3,11 +3,11 @@
 use rayon::prelude::*;
 
 use super::canals::close_canals;
-use super::distance::squared_distance;
 use super::enclosure::enclosure;
 use super::kinds::Cell;
 use super::patient::Patient;
 use super::pieces::Pieces;
+use super::reach::within;
 use super::survey::Cells;
 use crate::geometry::{Vec3, add, scale};
 
@@ -96,9 +96,9 @@ impl Open {
 
 /// What a ball reaches from the sides of the scan past what is solid.
 fn flood(cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<u8> {
-    let distance = squared_distance(cells.shape, cells.squared(BALL_MM), &solid);
-    let free = Pieces::of(cells.shape, |i| distance[i] == u16::MAX);
-    drop(distance);
+    let tight = within(cells.shape, cells.squared(BALL_MM), &solid);
+    let free = Pieces::of(cells.shape, |i| !tight[i]);
+    drop(tight);
     let reached = reached_from_the_sides(cells, &free);
     let mut ball = vec![false; cells.len()];
     for z in 0..cells.shape[2] {
@@ -109,11 +109,11 @@ fn flood(cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<u8> {
             }
         }
     }
-    let swept = squared_distance(cells.shape, cells.squared(BALL_MM + 0.5 * cells.edge), |i| ball[i]);
+    let swept = within(cells.shape, cells.squared(BALL_MM + 0.5 * cells.edge), |i| ball[i]);
     let state = |i: usize| {
         if solid(i) {
             SOLID
-        } else if swept[i] == u16::MAX {
+        } else if !swept[i] {
             ENCLOSED
         } else {
             OPEN
@@ -129,8 +129,7 @@ impl Outside {
         close_canals(&cells, &mut open);
         // Both cells' corners on the way to the furthest place that is asked.
         let reach = ((STEPS_OUT[0] + 3f64.sqrt()).powi(2)).floor() as u16;
-        let distance = squared_distance(cells.shape, reach, |i| matches!(open[i], OPEN | CANAL | SHUT));
-        let near = distance.into_iter().map(|d| d != u16::MAX).collect();
+        let near = within(cells.shape, reach, |i| matches!(open[i], OPEN | CANAL | SHUT));
         Self { cells, open, near }
     }
 

@@ -8,7 +8,6 @@ use rayon::prelude::*;
 
 use super::couch::{self, Outline};
 use super::crop;
-use super::distance::squared_distance;
 use super::enclosure::enclosure;
 use super::field::Field;
 use super::kinds::{BALL_MM, Cell, tissue};
@@ -16,6 +15,8 @@ use super::levels::Levels;
 use super::openings::FieldBorder;
 use super::outside::Open;
 use super::pieces::Pieces;
+use super::reach::within;
+use super::rows::Rows;
 use super::sheets;
 use super::space::{Space, nearest};
 use super::survey::{Cells, Survey};
@@ -63,7 +64,8 @@ impl Patient {
     pub(super) fn find(space: &Space, levels: &Levels, field: &Field) -> Option<Self> {
         let [nz, ny, nx] = space.shape;
         let upper = levels.upper().ceil() as i16;
-        let pieces = Pieces::of([nx, ny, nz], |o| space.hu[o] >= upper);
+        let clear = Rows::of(nx, space.hu, |&v| v >= upper);
+        let pieces = Pieces::of_rows([nx, ny, nz], &clear);
         let survey = Survey::of(space, field, Cells::over(crop::bounds(space, field, levels), EDGE_MM));
         let cells = survey.cells;
         let mut kinds = tissue(&survey, levels);
@@ -85,10 +87,10 @@ impl Patient {
             }
         });
         let reach = cells.squared(BALL_MM + SKIN_MM);
-        let near = squared_distance(cells.shape, reach, |i| core[i]);
+        let near = within(cells.shape, reach, |i| core[i]);
         drop(core);
         // What is thin there is the holder where it is not seen apart.
-        for i in lent.into_iter().filter(|&i| near[i] == u16::MAX) {
+        for i in lent.into_iter().filter(|&i| !near[i]) {
             kinds[i] = Cell::Other;
         }
         let field_border = FieldBorder::of(space, levels, field, &survey);
@@ -109,19 +111,18 @@ impl Patient {
     fn look_for_foreign(&mut self) {
         let (cells, kinds) = (&self.survey.cells, &self.kinds);
         let foreign = |i: usize| matches!(kinds[i], Cell::Attached | Cell::Other);
-        let distance = squared_distance(cells.shape, cells.squared(FOREIGN_MM), foreign);
-        self.near_foreign = distance.into_iter().map(|d| d != u16::MAX).collect();
+        self.near_foreign = within(cells.shape, cells.squared(FOREIGN_MM), foreign);
     }
 
     /// Decides what the thin pieces on the body are.
-    fn judge_parts(&mut self, near: &[u16]) {
+    fn judge_parts(&mut self, near: &[bool]) {
         let kinds = &self.kinds;
-        let parts = Pieces::of(self.survey.cells.shape, |i| kinds[i] == Cell::Patient && near[i] == u16::MAX);
+        let parts = Pieces::of(self.survey.cells.shape, |i| kinds[i] == Cell::Patient && !near[i]);
         let n = parts.sizes().len();
         let (mut low, mut high) = (vec![[usize::MAX; 3]; n], vec![[0usize; 3]; n]);
         let mut touches = vec![false; n];
         let [nx, ny, nz] = self.survey.cells.shape;
-        let body = |o: usize| kinds[o] == Cell::Patient && near[o] != u16::MAX;
+        let body = |o: usize| kinds[o] == Cell::Patient && near[o];
         parts.each_row(|[y, z], run| {
             let p = run.piece as usize;
             for x in run.start as usize..run.end as usize {
@@ -189,8 +190,8 @@ impl Patient {
 
 /// The cells of the body: the largest piece that the ball leaves; `None` if it leaves nothing.
 fn core(cells: &Cells, kinds: &[Cell]) -> Option<Vec<bool>> {
-    let depth = squared_distance(cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
-    let inner = Pieces::of(cells.shape, |i| depth[i] == u16::MAX);
+    let at_border = within(cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
+    let inner = Pieces::of(cells.shape, |i| !at_border[i]);
     let main = inner.largest()?;
     let mut core = vec![false; cells.len()];
     inner.each_row(|[y, z], run| {
@@ -247,9 +248,8 @@ fn lent(
 /// The cells of what is thick: solid cells that a ball in solid cells reaches.
 fn opened(cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
     let reach = cells.squared(BALL_MM);
-    let depth = squared_distance(cells.shape, reach, |i| !solid(i));
-    let near = squared_distance(cells.shape, reach, |i| depth[i] == u16::MAX);
-    near.into_iter().map(|d| d != u16::MAX).collect()
+    let at_border = within(cells.shape, reach, |i| !solid(i));
+    within(cells.shape, reach, |i| !at_border[i])
 }
 
 fn piece_at(space: &Space, pieces: &Pieces, p: Vec3) -> Option<u32> {

@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use super::rows::{Rows, next};
+
 /// A stretch of marked cells on one row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Run {
@@ -25,9 +27,14 @@ pub(super) struct Pieces {
 
 impl Pieces {
     /// Pieces of the mask of `shape = [nx, ny, nz]` whose cell at an offset is marked.
-    pub(super) fn of([nx, ny, nz]: [usize; 3], marked: impl Fn(usize) -> bool + Sync) -> Self {
-        let rows: Vec<Vec<Run>> =
-            (0..ny * nz).into_par_iter().map(|row| runs_of(row * nx, nx, &marked)).collect();
+    pub(super) fn of(shape: [usize; 3], marked: impl Fn(usize) -> bool + Sync) -> Self {
+        Self::of_rows(shape, &Rows::by([shape[0], shape[1] * shape[2]], marked))
+    }
+
+    /// Pieces of a mask of `shape = [nx, ny, nz]`.
+    pub(super) fn of_rows([nx, ny, nz]: [usize; 3], mask: &Rows) -> Self {
+        let runs = |row| runs_of(mask.row(row), nx);
+        let rows: Vec<Vec<Run>> = (0..ny * nz).into_par_iter().map(runs).collect();
         let mut first = Vec::with_capacity(rows.len() + 1);
         first.push(0);
         for row in &rows {
@@ -91,19 +98,13 @@ impl Pieces {
     }
 }
 
-fn runs_of(base: usize, nx: usize, marked: &impl Fn(usize) -> bool) -> Vec<Run> {
+fn runs_of(row: &[u64], nx: usize) -> Vec<Run> {
     let mut runs = Vec::new();
-    let mut x = 0;
-    while x < nx {
-        if marked(base + x) {
-            let start = x;
-            while x < nx && marked(base + x) {
-                x += 1;
-            }
-            runs.push(Run { start: start as u32, end: x as u32, piece: 0 });
-        } else {
-            x += 1;
-        }
+    let mut start = next(row, 0, nx, true);
+    while start < nx {
+        let end = next(row, start, nx, false);
+        runs.push(Run { start: start as u32, end: end as u32, piece: 0 });
+        start = next(row, end, nx, true);
     }
     runs
 }

@@ -13,6 +13,7 @@ use super::field::Field;
 use super::head::Head;
 use super::leaves::Leaf;
 use super::levels::Levels;
+use super::motion::largest_step;
 use super::outside::Outside;
 use super::patient::Patient;
 use super::quality::QualityLimits;
@@ -80,15 +81,23 @@ pub fn reconstruct(
     if let Some(filled) = &mut filled {
         filled.retain(|c| !covered.holds(c.place));
     }
-    let slices = rows(&space, &measured, &doubtful);
-    let border = border(&space, &measured, &doubtful);
     go_on(Stage::Crossings, 1.0)?;
-    let areas = Areas::of(&space, &patient, &head, &measured, &doubtful);
-    drop((patient, doubtful));
-    let all = filled.unwrap_or(measured);
+    let all = filled.as_ref().unwrap_or(&measured);
     go_on(Stage::Downsampling, 0.0)?;
-    let clouds = Clouds::of(&space, &width, &all, leaf_mm);
-    let quality = assess::quality(&space, &levels, &width, &head, &areas, &all, &clouds.agreements);
+    // What one thread does alone, beside what all do.
+    let (clouds, ((slices, border), (areas, motion_mm))) = rayon::join(
+        || Clouds::of(&space, &width, all, leaf_mm),
+        || {
+            rayon::join(
+                || (rows(&space, &measured, &doubtful), border(&space, &measured, &doubtful)),
+                || {
+                    let areas = Areas::of(&space, &patient, &head, &measured, &doubtful);
+                    (areas, largest_step(&space, all, head.middle))
+                },
+            )
+        },
+    );
+    let quality = assess::quality(&space, &levels, &width, &head, &areas, motion_mm, &clouds.agreements);
     let quality = quality.judge(limits);
     go_on(Stage::Downsampling, 1.0)?;
     let Clouds { points, uniplanar, measured, .. } = clouds;
@@ -109,6 +118,10 @@ fn border(space: &Space, measured: &[Crossing], doubtful: &[Doubtful]) -> Vec<Bo
     accepted.chain(doubtful.par_iter().map(|d| point(d.place, d.axis, Some(d.reason)))).collect()
 }
 
+/// The clouds that are made: of all planes, and of each.
+const MERGED_AND_PLANES: [Option<Plane>; 4] =
+    [None, Some(Plane::Axial), Some(Plane::Sagittal), Some(Plane::Coronal)];
+
 /// The downsampled clouds.
 struct Clouds {
     points: Vec<SkinPoint>,
@@ -123,11 +136,11 @@ impl Clouds {
     /// One point for each leaf, of all crossings and of each plane's, with its error, in
     /// level-of-detail order.
     fn of(space: &Space, width: &Width, all: &[Crossing], leaf: f64) -> Self {
-        let merged = leaves::thin(all, leaf, |_| true);
-        let of_plane = Plane::ALL.map(|plane| leaves::thin(all, leaf, |c| c.planes.contains(plane)));
+        let is_of = |c: &Crossing, plane: Option<Plane>| plane.is_none_or(|plane| c.planes.contains(plane));
+        let thinned = |plane: &Option<Plane>| leaves::thin(all, leaf, |c| is_of(c, *plane));
+        let thinned: Vec<Vec<Leaf>> = MERGED_AND_PLANES.par_iter().map(thinned).collect();
         // Most crossings that stand for a leaf do so in several clouds.
-        let mut chosen: Vec<u32> =
-            merged.iter().chain(of_plane.iter().flatten()).map(|leaf| leaf.crossing).collect();
+        let mut chosen: Vec<u32> = thinned.iter().flatten().map(|leaf| leaf.crossing).collect();
         chosen.par_sort_unstable();
         chosen.dedup();
         let neighbourhood = Neighbourhood::of(all);
@@ -141,22 +154,26 @@ impl Clouds {
             })
             .collect();
         let state = |leaf: &Leaf| &stated[chosen.partition_point(|&i| i < leaf.crossing)];
-        let cloud = |leaves: &[Leaf], planes: Option<Plane>| {
+        let cloud = |(leaves, plane): (&Vec<Leaf>, &Option<Plane>)| -> Vec<SkinPoint> {
             let places: Vec<Vec3> = leaves.iter().map(|l| all[l.crossing as usize].place).collect();
             let point = |i: &u32| {
                 let leaf = &leaves[*i as usize];
-                let planes = planes.map_or(leaf.planes, PlaneSet::from);
+                let planes = plane.map_or(leaf.planes, PlaneSet::from);
                 let (agreement, error) = state(leaf);
                 SkinPoint::of(&all[leaf.crossing as usize], agreement.normal, *error, planes)
             };
             order::by_detail(&places, leaf).par_iter().map(point).collect()
         };
-        let count = |plane| all.iter().filter(|c| c.planes.contains(plane)).count() as u64;
+        let clouds: Vec<Vec<SkinPoint>> = thinned.par_iter().zip(&MERGED_AND_PLANES).map(cloud).collect();
+        let mut clouds = clouds.into_iter();
+        let mut next = || clouds.next().unwrap_or_default();
+        let agreement = |leaf: &Leaf| (all[leaf.crossing as usize].place, state(leaf).0);
+        let count = |plane| all.par_iter().filter(|c| c.planes.contains(plane)).count() as u64;
         Self {
-            points: cloud(&merged, None),
-            uniplanar: [0, 1, 2].map(|i| cloud(&of_plane[i], Some(Plane::ALL[i]))),
+            points: next(),
+            uniplanar: Plane::ALL.map(|_| next()),
             measured: Plane::ALL.map(count),
-            agreements: merged.iter().map(|l| (all[l.crossing as usize].place, state(l).0)).collect(),
+            agreements: thinned[0].par_iter().map(agreement).collect(),
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Levels of tissue and air by region: what one line shows of them is scattered by noise, what
 //! its neighbourhood shows is not.
 
-use std::collections::HashMap;
+use rayon::prelude::*;
 
 use super::candidates::Candidate;
+use super::leaves::key;
 use super::levels::Levels;
 use super::width::Width;
 
@@ -37,33 +38,24 @@ impl Regions {
     /// Medians over the candidates of each region; air is never taken for more than `most_air`
     /// relative to air, HU.
     pub(super) fn of(candidates: &[Candidate], levels: &Levels, most_air: f32) -> Self {
-        let mut names: HashMap<[i32; 3], u32> = HashMap::new();
-        let mut members: Vec<Vec<(f32, f32)>> = Vec::new();
-        let of = candidates
-            .iter()
-            .map(|c| {
-                let key = c.place.map(|v| (v / EDGE_MM).floor() as i32);
-                let name = *names.entry(key).or_insert_with(|| {
-                    members.push(Vec::new());
-                    members.len() as u32 - 1
-                });
-                members[name as usize].push((c.tissue, c.air));
-                name
-            })
-            .collect();
-        let levels = members
-            .iter()
-            .map(|m| {
-                let tissue = median(m.iter().map(|v| v.0));
-                let air = median(m.iter().map(|v| v.1));
-                let lowest = if levels.clipped.is_some() { 0.0 } else { LEAST_AIR };
-                (
-                    tissue.clamp(levels.tissue + TISSUE[0], levels.tissue + TISSUE[1]),
-                    air.clamp(levels.air + lowest, levels.air + most_air),
-                )
-            })
-            .collect();
-        Self { levels, of }
+        let by_region = |(i, c): (usize, &Candidate)| (key(c.place, EDGE_MM), i as u32);
+        let mut keyed: Vec<(u64, u32)> = candidates.par_iter().enumerate().map(by_region).collect();
+        keyed.par_sort_unstable();
+        let regions: Vec<&[(u64, u32)]> = keyed.chunk_by(|a, b| a.0 == b.0).collect();
+        let lowest = if levels.clipped.is_some() { 0.0 } else { LEAST_AIR };
+        let of_region = |members: &&[(u64, u32)]| {
+            let candidates = || members.iter().map(|m| &candidates[m.1 as usize]);
+            let (tissue, air) = (median(candidates().map(|c| c.tissue)), median(candidates().map(|c| c.air)));
+            (
+                tissue.clamp(levels.tissue + TISSUE[0], levels.tissue + TISSUE[1]),
+                air.clamp(levels.air + lowest, levels.air + most_air),
+            )
+        };
+        let mut of = vec![0; candidates.len()];
+        for (name, members) in regions.iter().enumerate() {
+            members.iter().for_each(|m| of[m.1 as usize] = name as u32);
+        }
+        Self { levels: regions.par_iter().map(of_region).collect(), of }
     }
 
     /// Tissue and air at a candidate, HU.

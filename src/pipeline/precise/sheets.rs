@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use super::kinds::Cell;
 use super::levels::Levels;
 use super::pieces::Pieces;
+use super::reach::within;
 use super::space::Space;
 use super::survey::Cells;
 use crate::geometry::{Vec3, add, dot, normalised, scale};
@@ -131,9 +132,9 @@ fn large(cells: &Cells, layers: &[(usize, Layer)]) -> Vec<(usize, Layer)> {
     for (i, _) in layers {
         mark[*i] = true;
     }
-    let near = super::distance::squared_distance(cells.shape, cells.squared(LINK_MM), |i| mark[i]);
+    let near = within(cells.shape, cells.squared(LINK_MM), |i| mark[i]);
     drop(mark);
-    let parts = Pieces::of(cells.shape, |i| near[i] != u16::MAX);
+    let parts = Pieces::of(cells.shape, |i| near[i]);
     let n = parts.sizes().len();
     let (mut low, mut high) = (vec![[usize::MAX; 3]; n], vec![[0usize; 3]; n]);
     let part_of = |i: usize| {
@@ -165,9 +166,7 @@ fn contact(
     outer: &[(usize, Vec3)],
     skin: &[usize],
 ) -> Vec<usize> {
-    let reach = super::distance::squared_distance(cells.shape, cells.squared(CONTACT_MM), |i| {
-        kinds[i] == Cell::Attached
-    });
+    let near = within(cells.shape, cells.squared(CONTACT_MM), |i| kinds[i] == Cell::Attached);
     // A turn is told from normals at the same scale on both.
     let thing = |k: Cell| matches!(k, Cell::Patient | Cell::Attached);
     let mut normals: HashMap<usize, Vec3> = HashMap::new();
@@ -176,13 +175,13 @@ fn contact(
     for (i, n) in outer {
         normals.insert(*i, *n);
     }
-    for &i in border.iter().filter(|&&i| kinds[i] == Cell::Patient && reach[i] != u16::MAX) {
+    for &i in border.iter().filter(|&&i| kinds[i] == Cell::Patient && near[i]) {
         if let Some(n) = normal_of(cells, kinds, i, thing) {
             normals.insert(i, n);
         }
     }
     let outside_reach: Vec<usize> =
-        border.iter().copied().filter(|&i| kinds[i] == Cell::Patient && reach[i] == u16::MAX).collect();
+        border.iter().copied().filter(|&i| kinds[i] == Cell::Patient && !near[i]).collect();
     for i in outside_reach {
         if let Some(n) = normal_of(cells, kinds, i, thing) {
             normals.insert(i, n);

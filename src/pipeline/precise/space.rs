@@ -14,6 +14,8 @@ pub(super) struct Space<'a> {
     pub(super) hu: &'a [i16],
     /// `[nz, ny, nx]`.
     pub(super) shape: [usize; 3],
+    /// Index of the last voxel along each axis.
+    last: [f64; 3],
     slice_axis: usize,
     in_plane: [usize; 2],
     origins: Vec<Vec3>,
@@ -79,6 +81,7 @@ impl<'a> Space<'a> {
         let mut space = Self {
             hu,
             shape,
+            last: shape.map(|n| (n - 1) as f64),
             slice_axis,
             in_plane,
             origins,
@@ -214,6 +217,17 @@ impl<'a> Space<'a> {
         index
     }
 
+    /// Fractional indices `[z, y, x]` of places on a line: of so many steps from a place.
+    #[inline]
+    pub(super) fn along(&self, from: Vec3, step: Vec3) -> impl Fn(f64) -> [f64; 3] {
+        let first = self.index(from);
+        let each = self.even.as_ref().map(|rows| rows.map(|row| dot(step, row)));
+        move |n| match each {
+            Some(each) => std::array::from_fn(|a| first[a] + n * each[a]),
+            None => self.index(add(from, scale(step, n))),
+        }
+    }
+
     /// The slice below a height along the normal, but for the last slice: guessed from the mean
     /// step, which is right at once where spacing is regular.
     #[inline]
@@ -245,27 +259,28 @@ impl<'a> Space<'a> {
     /// The nearest fractional index within the volume.
     #[inline]
     pub(super) fn within(&self, index: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|a| index[a].clamp(0.0, (self.shape[a] - 1) as f64))
+        std::array::from_fn(|a| index[a].clamp(0.0, self.last[a]))
     }
 
     /// Hounsfield units at a fractional index, trilinear; `None` outside the voxel centres.
     #[inline]
     pub(super) fn sample_index(&self, index: [f64; 3]) -> Option<f32> {
-        let mut base = [0usize; 3];
-        let mut t = [0f32; 3];
+        let (mut base, mut t) = ([0; 3], [0f32; 3]);
         for axis in 0..3 {
             let v = index[axis];
-            let last = (self.shape[axis] - 1) as f64;
-            if !(v >= 0.0 && v <= last) {
+            if !(v >= 0.0 && v <= self.last[axis]) {
                 return None;
             }
-            base[axis] = (v as usize).min(self.shape[axis] - 2);
-            t[axis] = (v - base[axis] as f64) as f32;
+            // A conversion to and from i32 is one instruction.
+            let whole = (v as i32).min(self.shape[axis] as i32 - 2);
+            base[axis] = whole as usize;
+            t[axis] = (v - f64::from(whole)) as f32;
         }
         let o = self.offset(base);
         let (sz, sy) = (self.stride(0), self.stride(1));
         let row = |o: usize| {
-            let (a, b) = (f32::from(self.hu[o]), f32::from(self.hu[o + 1]));
+            let pair = &self.hu[o..o + 2];
+            let (a, b) = (f32::from(pair[0]), f32::from(pair[1]));
             a + (b - a) * t[2]
         };
         let plane = |o: usize| {
@@ -280,5 +295,5 @@ impl<'a> Space<'a> {
 /// The voxel nearest to a fractional index; where that is negative the first one.
 #[inline]
 pub(super) fn nearest(index: [f64; 3]) -> [usize; 3] {
-    index.map(|v| (v + 0.5) as usize)
+    index.map(|v| ((v + 0.5) as i32).max(0) as usize)
 }

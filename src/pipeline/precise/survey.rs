@@ -54,10 +54,10 @@ impl Survey {
         let rows = values.zip(below.par_chunks_mut(nx)).zip(aside.par_chunks_mut(nx));
         rows.enumerate().for_each(|(row, (((hu, seen), below), aside))| {
             let start = cells.centre([0, row % ny, row / ny]);
+            let index_of = space.along(start, [cells.edge, 0.0, 0.0]);
             let row = hu.iter_mut().zip(seen).zip(below).zip(aside);
             for (x, (((hu, seen), below), aside)) in row.enumerate() {
-                let p = [start[0] + x as f64 * cells.edge, start[1], start[2]];
-                let index = space.index(p);
+                let index = index_of(x as f64);
                 let clamped = space.within(index);
                 *seen = clamped == index && field.holds(nearest(index));
                 *below = index[0] > clamped[0];
@@ -158,7 +158,7 @@ impl Cells {
         [c(x, 0), c(y, 1), c(z, 2)]
     }
 
-    /// A ball's radius in cells, squared, for [`super::distance`].
+    /// A ball's radius in cells, squared, for [`super::reach`].
     pub(super) fn squared(&self, mm: f64) -> u16 {
         let r = mm / self.edge;
         (r * r).floor() as u16
