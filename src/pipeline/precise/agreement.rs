@@ -1,9 +1,11 @@
 //! How well the lines of all three directions agree about the skin around a point.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::crossings::Crossing;
-use super::leaves::key;
+use super::cubes::Cubes;
 use crate::geometry::{Vec3, add, cross, dot, normalised, scale, sub};
 
 /// How far around a point its neighbours are taken, mm.
@@ -39,67 +41,48 @@ impl Agreement {
 
 /// All crossings, by place.
 #[derive(Debug)]
-pub(super) struct Neighbourhood {
-    /// Cubes of the reach's edge that hold crossings, ascending, and where theirs begin.
-    cubes: Vec<(u64, u32)>,
+pub(super) struct Neighbourhood<'a> {
+    crossings: &'a [Crossing],
+    /// Of the reach's edge.
+    cubes: Cubes,
+    /// Where the members of the cubes around each are.
+    around: Vec<[Range<usize>; 9]>,
     /// Place and outward normal of each crossing, cube after cube.
     members: Vec<[f32; 6]>,
 }
 
-impl Neighbourhood {
+impl<'a> Neighbourhood<'a> {
     /// Sorts the crossings into cubes.
-    pub(super) fn of(crossings: &[Crossing]) -> Self {
-        let mut keyed: Vec<(u64, u32)> =
-            crossings.par_iter().enumerate().map(|(i, c)| (key(c.place, REACH_MM), i as u32)).collect();
-        keyed.par_sort_unstable();
-        let mut cubes = Vec::new();
-        for (i, (cube, _)) in keyed.iter().enumerate() {
-            if cubes.last().is_none_or(|(last, _)| last != cube) {
-                cubes.push((*cube, i as u32));
-            }
-        }
+    pub(super) fn of(crossings: &'a [Crossing]) -> Self {
+        let cubes = Cubes::of(crossings.par_iter().map(|c| c.place), REACH_MM);
         let member = |(_, i): &(u64, u32)| {
             let c = &crossings[*i as usize];
             let ([x, y, z], [nx, ny, nz]) = (c.place, c.normal);
             [x, y, z, nx, ny, nz].map(|v| v as f32)
         };
-        Self { members: keyed.par_iter().map(member).collect(), cubes }
+        let members = cubes.sorted().par_iter().map(member).collect();
+        Self { crossings, around: cubes.around(), cubes, members }
     }
 
-    /// Calls `f` with the members of the cubes that meet the ball of reach around a place.
-    fn around(&self, place: Vec3, mut f: impl FnMut(&[f32; 6])) {
-        for z in [-REACH_MM, 0.0, REACH_MM] {
-            for y in [-REACH_MM, 0.0, REACH_MM] {
-                // Three cubes along x follow each other.
-                let [low, high] = [-REACH_MM, REACH_MM].map(|x| key(add(place, [x, y, z]), REACH_MM));
-                let from = self.cubes.partition_point(|c| c.0 < low);
-                let to = from + self.cubes[from..].iter().take_while(|c| c.0 <= high).count();
-                if from < to {
-                    let end = self.cubes.get(to).map_or(self.members.len(), |c| c.1 as usize);
-                    self.members[self.cubes[from].1 as usize..end].iter().for_each(&mut f);
-                }
-            }
-        }
-    }
-
-    /// What the neighbours of a point say about it: the height of the common surface over its
+    /// What the neighbours of a crossing say about it: the height of the common surface over its
     /// tangent plane is fitted by a + b·d² in the distance d from the point.
-    pub(super) fn agreement(&self, place: Vec3, own: Vec3) -> Agreement {
+    pub(super) fn agreement(&self, crossing: usize) -> Agreement {
+        let Crossing { place, normal: own, .. } = self.crossings[crossing];
         let (at, facing) = (place.map(|v| v as f32), own.map(|v| v as f32));
         let reach = (REACH_MM * REACH_MM) as f32;
         let mut near: Vec<[f32; 3]> = Vec::with_capacity(256);
         let mut normal = [0f32; 3];
-        self.around(place, |m| {
-            let d = [m[0] - at[0], m[1] - at[1], m[2] - at[2]];
-            let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-            let cosine = m[3] * facing[0] + m[4] * facing[1] + m[5] * facing[2];
-            if squared <= reach && cosine > 0.5 {
-                near.push(d);
-                for a in 0..3 {
-                    normal[a] += m[3 + a];
+        for row in self.around[self.cubes.cube(crossing)].clone() {
+            for m in &self.members[row] {
+                let d = [m[0] - at[0], m[1] - at[1], m[2] - at[2]];
+                let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+                let cosine = m[3] * facing[0] + m[4] * facing[1] + m[5] * facing[2];
+                if squared <= reach && cosine > 0.5 {
+                    near.push(d);
+                    (0..3).for_each(|a| normal[a] += m[3 + a]);
                 }
             }
-        });
+        }
         let n = near.len();
         if n < LEAST {
             return Agreement { normal: own, neighbours: n, ..Agreement::default() };

@@ -233,7 +233,8 @@ impl Search<'_> {
 
     /// Level of the tissue inside and of the air outside, as far as they show there.
     fn around(&self, p: Vec3, n: Vec3) -> (f32, f32) {
-        let at = |d: f64| self.space.sample(add(p, scale(n, d)));
+        let line = self.space.line(p, n);
+        let at = |d: f64| line.sample(d);
         let tissue = [-1.0, -1.4, -1.8].iter().filter_map(|&d| at(d)).reduce(f32::max);
         let air = [1.2, 1.8, 2.4].iter().filter_map(|&d| at(d)).reduce(f32::min);
         // At the ends of the scan nothing is seen of one of them.
@@ -277,13 +278,13 @@ fn gradient(space: &Space, p: Vec3) -> Option<Vec3> {
     let mut g = [0.0; 3];
     let reach = GRADIENT_MM;
     for a in 0..3 {
-        let (mut low, mut high) = (p, p);
-        low[a] -= reach;
-        high[a] += reach;
-        let (low, high) = match (space.sample(low), space.sample(high)) {
+        let mut along = [0.0; 3];
+        along[a] = 1.0;
+        let line = space.line(p, along);
+        let (low, high) = match (line.sample(-reach), line.sample(reach)) {
             (Some(l), Some(h)) => (f64::from(l) / 2.0, f64::from(h) / 2.0),
-            (Some(l), None) => (f64::from(l), f64::from(space.sample(p)?)),
-            (None, Some(h)) => (f64::from(space.sample(p)?), f64::from(h)),
+            (Some(l), None) => (f64::from(l), f64::from(line.sample(0.0)?)),
+            (None, Some(h)) => (f64::from(line.sample(0.0)?), f64::from(h)),
             (None, None) => return None,
         };
         g[a] = (high - low) / reach;

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use super::candidates::{BESIDE_MM, Doubtful};
 use super::crossings::Crossing;
+use super::cubes::key;
 use super::fill;
-use super::leaves::key;
 use super::ledges::{CLOSELY, COARSELY, Look, Part, surrounded};
 use super::levels::Levels;
 use super::space::Space;

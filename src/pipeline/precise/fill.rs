@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::leaves::key;
+use super::cubes::key;
 use super::surface::Surface;
 use crate::geometry::{Vec3, add, dot, scale, sub};
 

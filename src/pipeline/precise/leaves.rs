@@ -6,6 +6,7 @@
 use rayon::prelude::*;
 
 use super::crossings::Crossing;
+use super::cubes::{groups, key, sorted};
 use crate::geometry::{PlaneSet, Vec3, add, dot, scale, sub};
 
 /// The crossing that stands for a leaf.
@@ -22,47 +23,41 @@ const RIVALS_MM: f64 = 1.0;
 /// One with more than so many times the least expected error there drops out.
 const CLEAR: f64 = 1.3;
 
-/// For every leaf with a crossing for which `member` holds the one nearest to the middle of its
-/// points, seen along the skin. A centroid would lie inside a curved skin; this lies on it. Leaves
-/// are cubes of edge `leaf` mm of a grid through the patient's origin.
-pub(super) fn thin(
-    crossings: &[Crossing],
-    leaf: f64,
-    member: impl Fn(&Crossing) -> bool + Sync,
-) -> Vec<Leaf> {
-    let members = (0..crossings.len() as u32).into_par_iter().filter(|&i| member(&crossings[i as usize]));
-    let rivals = by_cube(crossings, RIVALS_MM, members);
-    let groups: Vec<&[(u64, u32)]> = rivals.chunk_by(|a, b| a.0 == b.0).collect();
-    let clear = groups.into_par_iter().flat_map_iter(|group| clear(crossings, group));
-    let leaves = by_cube(crossings, leaf, clear);
-    let groups: Vec<&[(u64, u32)]> = leaves.chunk_by(|a, b| a.0 == b.0).collect();
-    groups.into_par_iter().map(|group| representative(crossings, group)).collect()
+/// Crossings by the cube in which they compete, to make several clouds of.
+#[derive(Debug)]
+pub(super) struct Rivals<'a> {
+    crossings: &'a [Crossing],
+    /// Each cube with each of its crossings, in order.
+    by_cube: Vec<(u64, u32)>,
 }
 
-/// The cube of edge `edge` mm of each member, with the member, in order.
-fn by_cube(crossings: &[Crossing], edge: f64, members: impl ParallelIterator<Item = u32>) -> Vec<(u64, u32)> {
-    let mut keyed: Vec<(u64, u32)> = members.map(|i| (key(crossings[i as usize].place, edge), i)).collect();
-    keyed.par_sort_unstable();
-    keyed
-}
+impl<'a> Rivals<'a> {
+    /// Sorts all crossings.
+    pub(super) fn of(crossings: &'a [Crossing]) -> Self {
+        let keyed = |(i, c): (usize, &Crossing)| (key(c.place, RIVALS_MM), i as u32);
+        Self { crossings, by_cube: sorted(crossings.par_iter().enumerate().map(keyed)) }
+    }
 
-/// Those of a cube that see the edge nearly as clearly as the best of them.
-fn clear<'a>(crossings: &'a [Crossing], group: &'a [(u64, u32)]) -> impl Iterator<Item = u32> + 'a {
-    let error = |i: u32| crossings[i as usize].error;
-    let least = group.iter().map(|g| error(g.1)).fold(f64::MAX, f64::min);
-    group.iter().map(|g| g.1).filter(move |&i| error(i) <= CLEAR * least)
-}
+    /// For every leaf with a crossing for which `member` holds the one nearest to the middle of its
+    /// points, seen along the skin. A centroid would lie inside a curved skin; this lies on it. Leaves
+    /// are cubes of edge `leaf` mm of a grid through the patient's origin.
+    pub(super) fn thin(&self, leaf: f64, member: impl Fn(&Crossing) -> bool + Sync) -> Vec<Leaf> {
+        let cubes = groups(&self.by_cube).into_par_iter();
+        let clear = cubes.flat_map_iter(|cube| self.clear(cube, &member));
+        let by_leaf = sorted(clear.map(|i| (key(self.crossings[i as usize].place, leaf), i)));
+        let leaves = groups(&by_leaf).into_par_iter();
+        leaves.map(|leaf| representative(self.crossings, leaf)).collect()
+    }
 
-/// A key for the cube of edge `leaf` mm that holds a place in single precision, as a cloud has it; far
-/// beyond any scanner's bore two cubes may share one.
-pub(super) fn key(p: Vec3, leaf: f64) -> u64 {
-    let cell = |v: f64| {
-        let v = f64::from(v as f32);
-        // `floor` is a call where the target has no instruction for it.
-        let (q, whole) = (v / leaf, (v / leaf) as i64);
-        (whole - i64::from(q < whole as f64) + (1 << 20)) as u64 & 0x1F_FFFF
-    };
-    cell(p[2]) << 42 | cell(p[1]) << 21 | cell(p[0])
+    /// Those members of a cube that see the edge nearly as clearly as the best of them.
+    fn clear(&self, cube: &[(u64, u32)], member: impl Fn(&Crossing) -> bool) -> Vec<u32> {
+        let members = || {
+            let all = cube.iter().map(|&(_, i)| (i, &self.crossings[i as usize]));
+            all.filter(|(_, c)| member(c)).map(|(i, c)| (i, c.error))
+        };
+        let least = members().map(|m| m.1).fold(f64::MAX, f64::min);
+        members().filter(|m| m.1 <= CLEAR * least).map(|m| m.0).collect()
+    }
 }
 
 fn representative(crossings: &[Crossing], group: &[(u64, u32)]) -> Leaf {

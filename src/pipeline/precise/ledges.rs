@@ -155,7 +155,8 @@ fn at_end(space: &Space, surface: &Surface) -> Vec<bool> {
 fn stands_off(space: &Space, levels: &Levels, surface: &Surface, part: &Part) -> bool {
     let before_air = |&&node: &&usize| {
         let inward = surface.normals[node].map(|v| -f64::from(v));
-        let behind = |mm: f64| space.sample(add(surface.places[node], scale(inward, mm)));
+        let line = space.line(surface.places[node], inward);
+        let behind = |mm: f64| line.sample(mm);
         (2..=BEHIND_MM as u32).any(|mm| behind(f64::from(mm)).is_some_and(|hu| hu < levels.middle()))
     };
     part.nodes.iter().filter(before_air).count() as f64 > AS_EARS * part.nodes.len() as f64

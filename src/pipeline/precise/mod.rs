@@ -14,7 +14,7 @@
 //! | what lies on it | `surface`, `fill`, `ledges`, `covered` |
 //! | between thick slices | `between`, `contours`, `caps` |
 //! | what was not accepted | `stretches` |
-//! | one point a leaf | `leaves`, `order` |
+//! | one point a leaf | `cubes`, `leaves`, `order` |
 //! | how far to trust it | `agreement`, `confidence`, `motion`, `assess`, `quality` |
 
 mod agreement;
@@ -29,6 +29,7 @@ mod couch;
 mod covered;
 mod crop;
 mod crossings;
+mod cubes;
 mod edge;
 mod enclosure;
 mod field;

@@ -174,8 +174,9 @@ impl Patient {
         n: Vec3,
     ) -> Option<(f64, bool)> {
         let steps = (DEEPEST_MM / DEPTH_MM) as usize;
+        let inward = space.line(p, scale(n, -1.0));
         for d in (1..=steps).map(|step| step as f64 * DEPTH_MM) {
-            let index = nearest(space.clamped(add(p, scale(n, -d))));
+            let index = nearest(space.within(inward.index(d)));
             let [z, y, x] = index;
             if let Some(piece) = self.pieces.at(z, y, x) {
                 return Some((d, self.own[piece as usize]));

@@ -16,9 +16,10 @@ pub(super) fn refine_levels(space: &Space, width: &Width, regions: &Regions, can
         let (_, air) = regions.levels(i);
         let sigma = width.seen_along(space, c.normal);
         // The tissue's share of what is seen at a depth is known; the rest is air.
+        let inward = space.line(c.place, scale(c.normal, -1.0));
         let level = |depth: f64| {
             let lent = upper_tail(depth / sigma);
-            let seen = f64::from(space.sample(add(c.place, scale(c.normal, -depth)))?);
+            let seen = f64::from(inward.sample(depth)?);
             Some((seen - lent * f64::from(air)) / (1.0 - lent))
         };
         let depths = PLATEAU.map(|(deviations, most)| f64::min(deviations * sigma, most));

@@ -11,7 +11,7 @@ use super::covered::Covered;
 use super::crossings::{self, Crossing};
 use super::field::Field;
 use super::head::Head;
-use super::leaves::Leaf;
+use super::leaves::{Leaf, Rivals};
 use super::levels::Levels;
 use super::motion::largest_step;
 use super::outside::Outside;
@@ -22,7 +22,7 @@ use super::skin::{BorderPoint, NoSkin, Skin, SkinPoint};
 use super::space::Space;
 use super::stretches::rows;
 use super::width::Width;
-use super::{assess, leaves, order, plateau};
+use super::{assess, order, plateau};
 use crate::dicom::Volume;
 use crate::geometry::{Plane, PlaneSet, Vec3};
 use crate::pipeline::{Observer, Stage};
@@ -65,7 +65,7 @@ pub fn reconstruct(
     let rough = Regions::of(&candidates, &levels, MOST_AIR_OF_WIDE);
     let width = Width::of(&space, &levels, &candidates, &rough);
     plateau::refine_levels(&space, &width, &rough, &mut candidates);
-    let regions = Regions::of(&candidates, &levels, most_air(&width));
+    let regions = rough.again(&candidates, &levels, most_air(&width));
     let (mut measured, unclear) = crossings::measure(&space, &levels, &width, &regions, &candidates);
     drop(candidates);
     doubtful.extend(unclear);
@@ -137,7 +137,8 @@ impl Clouds {
     /// level-of-detail order.
     fn of(space: &Space, width: &Width, all: &[Crossing], leaf: f64) -> Self {
         let is_of = |c: &Crossing, plane: Option<Plane>| plane.is_none_or(|plane| c.planes.contains(plane));
-        let thinned = |plane: &Option<Plane>| leaves::thin(all, leaf, |c| is_of(c, *plane));
+        let rivals = Rivals::of(all);
+        let thinned = |plane: &Option<Plane>| rivals.thin(leaf, |c| is_of(c, *plane));
         let thinned: Vec<Vec<Leaf>> = MERGED_AND_PLANES.par_iter().map(thinned).collect();
         // Most crossings that stand for a leaf do so in several clouds.
         let mut chosen: Vec<u32> = thinned.iter().flatten().map(|leaf| leaf.crossing).collect();
@@ -149,7 +150,7 @@ impl Clouds {
             .par_iter()
             .map(|&i| {
                 let c = &all[i as usize];
-                let agreement = neighbourhood.agreement(c.place, c.normal);
+                let agreement = neighbourhood.agreement(i as usize);
                 (agreement, confidence.error(c, &agreement))
             })
             .collect();
@@ -168,11 +169,12 @@ impl Clouds {
         let mut clouds = clouds.into_iter();
         let mut next = || clouds.next().unwrap_or_default();
         let agreement = |leaf: &Leaf| (all[leaf.crossing as usize].place, state(leaf).0);
-        let count = |plane| all.par_iter().filter(|c| c.planes.contains(plane)).count() as u64;
+        let in_planes = |c: &Crossing| Plane::ALL.map(|plane| u64::from(c.planes.contains(plane)));
+        let sum = |a: [u64; 3], b: [u64; 3]| std::array::from_fn(|i| a[i] + b[i]);
         Self {
             points: next(),
             uniplanar: Plane::ALL.map(|_| next()),
-            measured: Plane::ALL.map(count),
+            measured: all.par_iter().map(in_planes).reduce(|| [0; 3], sum),
             agreements: thinned[0].par_iter().map(agreement).collect(),
         }
     }

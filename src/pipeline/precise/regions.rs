@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::candidates::Candidate;
-use super::leaves::key;
+use super::cubes::{Cubes, groups};
 use super::levels::Levels;
 use super::width::Width;
 
@@ -26,7 +26,7 @@ const WIDE_MM: f64 = 0.9;
 #[derive(Debug)]
 pub(super) struct Regions {
     levels: Vec<(f32, f32)>,
-    of: Vec<u32>,
+    cubes: Cubes,
 }
 
 /// The highest level that air at the skin is taken for, relative to air, HU.
@@ -38,10 +38,13 @@ impl Regions {
     /// Medians over the candidates of each region; air is never taken for more than `most_air`
     /// relative to air, HU.
     pub(super) fn of(candidates: &[Candidate], levels: &Levels, most_air: f32) -> Self {
-        let by_region = |(i, c): (usize, &Candidate)| (key(c.place, EDGE_MM), i as u32);
-        let mut keyed: Vec<(u64, u32)> = candidates.par_iter().enumerate().map(by_region).collect();
-        keyed.par_sort_unstable();
-        let regions: Vec<&[(u64, u32)]> = keyed.chunk_by(|a, b| a.0 == b.0).collect();
+        let cubes = Cubes::of(candidates.par_iter().map(|c| c.place), EDGE_MM);
+        Self { levels: Vec::new(), cubes }.again(candidates, levels, most_air)
+    }
+
+    /// The same from candidates in the same places whose levels were read again.
+    pub(super) fn again(self, candidates: &[Candidate], levels: &Levels, most_air: f32) -> Self {
+        let regions = groups(self.cubes.sorted());
         let lowest = if levels.clipped.is_some() { 0.0 } else { LEAST_AIR };
         let of_region = |members: &&[(u64, u32)]| {
             let candidates = || members.iter().map(|m| &candidates[m.1 as usize]);
@@ -51,17 +54,13 @@ impl Regions {
                 air.clamp(levels.air + lowest, levels.air + most_air),
             )
         };
-        let mut of = vec![0; candidates.len()];
-        for (name, members) in regions.iter().enumerate() {
-            members.iter().for_each(|m| of[m.1 as usize] = name as u32);
-        }
-        Self { levels: regions.par_iter().map(of_region).collect(), of }
+        Self { levels: regions.par_iter().map(of_region).collect(), ..self }
     }
 
     /// Tissue and air at a candidate, HU.
     #[inline]
     pub(super) fn levels(&self, candidate: usize) -> (f32, f32) {
-        self.levels[self.of[candidate] as usize]
+        self.levels[self.cubes.cube(candidate)]
     }
 }
 

@@ -105,7 +105,8 @@ struct Layer {
 /// Goes inward from a border cell.
 fn layer(space: &Space, levels: &Levels, start: Vec3, normal: Vec3) -> Option<Layer> {
     let upper = levels.upper();
-    let at = |depth: f64| space.sample(add(start, scale(normal, -depth)));
+    let inward = space.line(start, scale(normal, -1.0));
+    let at = |depth: f64| inward.sample(depth);
     let (mut entry, mut exit) = (None, None);
     let mut depth = -1.5;
     loop {

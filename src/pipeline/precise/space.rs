@@ -217,15 +217,11 @@ impl<'a> Space<'a> {
         index
     }
 
-    /// Fractional indices `[z, y, x]` of places on a line: of so many steps from a place.
+    /// The line through a place whose parameter is in steps from there.
     #[inline]
-    pub(super) fn along(&self, from: Vec3, step: Vec3) -> impl Fn(f64) -> [f64; 3] {
-        let first = self.index(from);
+    pub(super) fn line(&self, from: Vec3, step: Vec3) -> Line<'_> {
         let each = self.even.as_ref().map(|rows| rows.map(|row| dot(step, row)));
-        move |n| match each {
-            Some(each) => std::array::from_fn(|a| first[a] + n * each[a]),
-            None => self.index(add(from, scale(step, n))),
-        }
+        Line { space: self, from, step, first: self.index(from), each }
     }
 
     /// The slice below a height along the normal, but for the last slice: guessed from the mean
@@ -289,6 +285,34 @@ impl<'a> Space<'a> {
         };
         let (a, b) = (plane(o), plane(o + sz));
         Some(a + (b - a) * t[0])
+    }
+}
+
+/// A straight line through a volume, for those who look at several places of it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Line<'a> {
+    space: &'a Space<'a>,
+    from: Vec3,
+    step: Vec3,
+    first: [f64; 3],
+    /// Of a step, where slices are even.
+    each: Option<[f64; 3]>,
+}
+
+impl Line<'_> {
+    /// Fractional index `[z, y, x]` so many steps along the line.
+    #[inline]
+    pub(super) fn index(&self, steps: f64) -> [f64; 3] {
+        match self.each {
+            Some(each) => std::array::from_fn(|a| self.first[a] + steps * each[a]),
+            None => self.space.index(add(self.from, scale(self.step, steps))),
+        }
+    }
+
+    /// Hounsfield units there, trilinear; `None` outside the voxel centres.
+    #[inline]
+    pub(super) fn sample(&self, steps: f64) -> Option<f32> {
+        self.space.sample_index(self.index(steps))
     }
 }
 

@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use rayon::prelude::*;
 
 use super::crossings::Crossing;
-use super::leaves::key;
+use super::cubes::{Cubes, groups, key, sorted};
 use crate::geometry::{Vec3, add, dot, norm, normalised, scale, sub};
 
 /// Nodes are linked with those no further away than so many leaves.
@@ -76,10 +76,9 @@ impl Link {
 impl Surface {
     /// The mesh of all crossings with leaves of edge `leaf` mm.
     pub(super) fn of(crossings: &[Crossing], leaf: f64) -> Self {
-        let mut keyed: Vec<(u64, u32)> =
-            crossings.par_iter().enumerate().map(|(i, c)| (key(c.place, leaf), i as u32)).collect();
-        keyed.par_sort_unstable();
-        let groups: Vec<&[(u64, u32)]> = keyed.chunk_by(|a, b| a.0 == b.0).collect();
+        let keyed = |(i, c): (usize, &Crossing)| (key(c.place, leaf), i as u32);
+        let by_leaf = sorted(crossings.par_iter().enumerate().map(keyed));
+        let groups = groups(&by_leaf);
         let (places, normals): (Vec<Vec3>, Vec<Vec3>) =
             groups.par_iter().map(|group| mean(crossings, group)).unzip();
         let leaves = groups.iter().map(|group| group[0].0).collect();
@@ -243,25 +242,18 @@ fn mean(crossings: &[Crossing], group: &[(u64, u32)]) -> (Vec3, Vec3) {
 
 /// For each place those within reach on the same side.
 fn linked(places: &[Vec3], normals: &[Vec3], reach: f64) -> Vec<Vec<u32>> {
-    let mut sorted: Vec<(u64, u32)> =
-        places.par_iter().enumerate().map(|(i, p)| (key(*p, reach), i as u32)).collect();
-    sorted.par_sort_unstable();
+    let cubes = Cubes::of(places.par_iter().copied(), reach);
+    let around = cubes.around();
     let near = |i: usize| {
         let mut found = Vec::with_capacity(24);
-        for z in [-reach, 0.0, reach] {
-            for y in [-reach, 0.0, reach] {
-                // Three cubes along x follow each other.
-                let [low, high] = [-reach, reach].map(|x| key(add(places[i], [x, y, z]), reach));
-                let from = sorted.partition_point(|s| s.0 < low);
-                let row = sorted[from..].iter().take_while(|s| s.0 <= high).map(|s| s.1);
-                found.extend(row.filter(|&j| {
-                    let d = sub(places[j as usize], places[i]);
-                    let squared = dot(d, d);
-                    squared <= reach * reach
-                        && squared.partial_cmp(&0.0) == Some(Ordering::Greater)
-                        && dot(normals[i], normals[j as usize]) > FACING
-                }));
-            }
+        for row in around[cubes.cube(i)].clone() {
+            found.extend(cubes.sorted()[row].iter().map(|member| member.1).filter(|&j| {
+                let d = sub(places[j as usize], places[i]);
+                let squared = dot(d, d);
+                squared <= reach * reach
+                    && squared.partial_cmp(&0.0) == Some(Ordering::Greater)
+                    && dot(normals[i], normals[j as usize]) > FACING
+            }));
         }
         found
     };

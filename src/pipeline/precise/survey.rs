@@ -54,10 +54,10 @@ impl Survey {
         let rows = values.zip(below.par_chunks_mut(nx)).zip(aside.par_chunks_mut(nx));
         rows.enumerate().for_each(|(row, (((hu, seen), below), aside))| {
             let start = cells.centre([0, row % ny, row / ny]);
-            let index_of = space.along(start, [cells.edge, 0.0, 0.0]);
+            let line = space.line(start, [cells.edge, 0.0, 0.0]);
             let row = hu.iter_mut().zip(seen).zip(below).zip(aside);
             for (x, (((hu, seen), below), aside)) in row.enumerate() {
-                let index = index_of(x as f64);
+                let index = line.index(x as f64);
                 let clamped = space.within(index);
                 *seen = clamped == index && field.holds(nearest(index));
                 *below = index[0] > clamped[0];
