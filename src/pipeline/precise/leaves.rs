@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::crossings::Crossing;
 use super::cubes::{groups, key, sorted};
-use crate::geometry::{PlaneSet, Vec3, add, dot, scale, sub};
+use crate::geometry::{PlaneSet, add, dot, scale, sub};
 
 /// The crossing that stands for a leaf.
 #[derive(Debug, Clone, Copy)]

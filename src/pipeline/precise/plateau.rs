@@ -7,7 +7,7 @@ use super::edge::upper_tail;
 use super::regions::Regions;
 use super::space::Space;
 use super::width::Width;
-use crate::geometry::{add, scale};
+use crate::geometry::scale;
 
 /// Reads the tissue's level again, now that the edge and its width are known: close behind the
 /// edge, before the next layer begins, with what the air lends to it taken off.
