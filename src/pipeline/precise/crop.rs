@@ -78,7 +78,8 @@ mod tests {
             let head = across.hypot(back) < 75.0 && top - p[2] < 65.0;
             *v = if neck || head { 40 } else { -1000 } + ((x * 7 + y * 3 + z) % 11) as i16;
         }
-        let space = Space::new(&volume).expect("a volume");
+        let hu = volume.hu.as_slice().expect("in order");
+        let space = Space::new(hu, &volume.grid).expect("a volume");
         let levels = Levels::of(&space).expect("air and tissue");
         let [low, high] = bounds(&space, &Field::of(&space, &levels), &levels);
         for (a, reach) in [(0, 75.0), (1, 75.0)] {

@@ -6,7 +6,7 @@
 //!
 //! | step | module |
 //! |---|---|
-//! | the scan as a field in mm | `space`, `levels`, `field` |
+//! | the scan as a field in mm | `space`, `levels`, `ends`, `field` |
 //! | cells for the search in 3D | `crop`, `survey`, `rows`, `reach`, `pieces` |
 //! | which tissue is the patient | `kinds`, `couch`, `patient`, `enclosure`, `sheets`, `head` |
 //! | which border is skin | `outside`, `openings`, `canals` |
@@ -32,6 +32,7 @@ mod crossings;
 mod cubes;
 mod edge;
 mod enclosure;
+mod ends;
 mod field;
 mod fill;
 mod head;

@@ -19,10 +19,10 @@ use super::patient::Patient;
 use super::quality::QualityLimits;
 use super::regions::{MOST_AIR_OF_WIDE, Regions, most_air};
 use super::skin::{BorderPoint, NoSkin, Skin, SkinPoint};
-use super::space::Space;
+use super::space::{Space, along_coarsest};
 use super::stretches::rows;
 use super::width::Width;
-use super::{assess, order, plateau};
+use super::{assess, ends, order, plateau};
 use crate::dicom::Volume;
 use crate::geometry::{Plane, PlaneSet, Vec3};
 use crate::pipeline::{Observer, Stage};
@@ -40,44 +40,67 @@ pub fn reconstruct(
     limits: &QualityLimits,
     observer: &dyn Observer,
 ) -> Result<Skin, NoSkin> {
+    let grid = along_coarsest(&volume.grid);
+    let all = 0..grid.slice_origins().len();
+    let whole = ends::part(volume, &grid, all.clone());
+    let space = whole.space().ok_or(NoSkin::NoVolume)?;
+    let levels = Levels::of(&space).ok_or(NoSkin::NoLevels)?;
+    let held = ends::held(&space, &levels);
+    if held == all {
+        return skin(&space, &levels, leaf_mm, limits, observer);
+    }
+    let part = ends::part(volume, &grid, held.clone());
+    let space = part.space().ok_or(NoSkin::NoVolume)?;
+    let levels = Levels::of(&space).ok_or(NoSkin::NoLevels)?;
+    let mut skin = skin(&space, &levels, leaf_mm, limits, observer)?;
+    skin.count_from(space.slice_axis(), held.start);
+    Ok(skin)
+}
+
+/// The skin of the head in a scan that holds something from end to end.
+fn skin(
+    space: &Space,
+    levels: &Levels,
+    leaf_mm: f64,
+    limits: &QualityLimits,
+    observer: &dyn Observer,
+) -> Result<Skin, NoSkin> {
     let go_on = |stage, fraction| {
         observer.progress(stage, fraction);
         if observer.cancelled() { Err(NoSkin::Cancelled) } else { Ok(()) }
     };
-    let space = Space::new(volume).ok_or(NoSkin::NoVolume)?;
-    let levels = Levels::of(&space).ok_or(NoSkin::NoLevels)?;
     go_on(Stage::Patient, 0.0)?;
-    let field = Field::of(&space, &levels);
-    let patient = Patient::find(&space, &levels, &field).ok_or(NoSkin::NoPatient)?;
+    let field = Field::of(space, levels);
+    let patient = Patient::find(space, levels, &field).ok_or(NoSkin::NoPatient)?;
     go_on(Stage::Patient, 1.0)?;
-    let head = Head::of(&space, &levels, &field, &patient);
+    let head = Head::of(space, levels, &field, &patient);
     if head.brain_cm3 < LEAST_BRAIN_CM3 {
         return Err(NoSkin::NoHead { brain_cm3: head.brain_cm3, limit_cm3: LEAST_BRAIN_CM3 });
     }
     let outside = Outside::find(&patient);
     go_on(Stage::Outside, 1.0)?;
-    let (mut candidates, mut doubtful) = candidates::find(&space, &levels, &field, &patient, &outside);
+    let (mut candidates, mut doubtful) = candidates::find(space, levels, &field, &patient, &outside);
     drop(outside);
     if candidates.is_empty() {
         return Err(NoSkin::NoBorder);
     }
     go_on(Stage::Crossings, 0.4)?;
-    let rough = Regions::of(&candidates, &levels, MOST_AIR_OF_WIDE);
-    let width = Width::of(&space, &levels, &candidates, &rough);
-    plateau::refine_levels(&space, &width, &rough, &mut candidates);
-    let regions = rough.again(&candidates, &levels, most_air(&width));
-    let (mut measured, unclear) = crossings::measure(&space, &levels, &width, &regions, &candidates);
+    let rough = Regions::of(&candidates, levels, MOST_AIR_OF_WIDE);
+    let width = Width::of(space, levels, &candidates, &rough);
+    plateau::refine_levels(space, &width, &rough, &mut candidates);
+    let regions = rough.again(&candidates, levels, most_air(&width));
+    let (mut measured, unclear) = crossings::measure(space, levels, &width, &regions, &candidates);
     drop(candidates);
     doubtful.extend(unclear);
-    let between = Between::of(&space, &measured);
+    let between = Between::of(space, &measured);
     if let Some(between) = &between {
-        doubtful.extend(between.settle(&space, &mut measured));
+        doubtful.extend(between.settle(space, &mut measured));
     }
-    let mut filled = between.map(|between| between.fill(&space, measured.clone()));
-    let covered = Covered::of(&space, &levels, filled.as_ref().unwrap_or(&measured), |place| {
+    let mut filled = between.map(|between| between.fill(space, measured.clone()));
+    let covered = Covered::of(space, levels, filled.as_ref().unwrap_or(&measured), |place| {
         patient.is_near_foreign(place)
     });
-    doubtful.extend(covered.take(&space, &mut measured));
+    doubtful.extend(covered.take(space, &mut measured));
     if let Some(filled) = &mut filled {
         filled.retain(|c| !covered.holds(c.place));
     }
@@ -86,18 +109,18 @@ pub fn reconstruct(
     go_on(Stage::Downsampling, 0.0)?;
     // What one thread does alone, beside what all do.
     let (clouds, ((slices, border), (areas, motion_mm))) = rayon::join(
-        || Clouds::of(&space, &width, all, leaf_mm),
+        || Clouds::of(space, &width, all, leaf_mm),
         || {
             rayon::join(
-                || (rows(&space, &measured, &doubtful), border(&space, &measured, &doubtful)),
+                || (rows(space, &measured, &doubtful), border(space, &measured, &doubtful)),
                 || {
-                    let areas = Areas::of(&space, &patient, &head, &measured, &doubtful);
-                    (areas, largest_step(&space, all, head.middle))
+                    let areas = Areas::of(space, &patient, &head, &measured, &doubtful);
+                    (areas, largest_step(space, all, head.middle))
                 },
             )
         },
     );
-    let quality = assess::quality(&space, &levels, &width, &head, &areas, motion_mm, &clouds.agreements);
+    let quality = assess::quality(space, levels, &width, &head, &areas, motion_mm, &clouds.agreements);
     let quality = quality.judge(limits);
     go_on(Stage::Downsampling, 1.0)?;
     let Clouds { points, uniplanar, measured, .. } = clouds;

@@ -2,7 +2,7 @@
 
 use super::crossings::Crossing;
 use super::quality::Quality;
-use super::stretches::{SliceContour, StretchReason};
+use super::stretches::{SliceContour, StretchReason, across};
 use crate::geometry::{Plane, PlaneSet, Vec3};
 
 /// A measured point of the skin.
@@ -56,6 +56,16 @@ pub struct BorderPoint {
 }
 
 impl Skin {
+    /// Counts the slices across an axis `[z, y, x]` of the volume from so many before the first.
+    pub(super) fn count_from(&mut self, axis: usize, before: usize) {
+        for slice in self.slices.iter_mut().filter(|slice| across(slice.plane) == axis) {
+            slice.index += before;
+        }
+        for point in &mut self.border {
+            point.index[axis] += before as f32;
+        }
+    }
+
     /// The points of one plane.
     #[must_use]
     pub fn of(&self, plane: Plane) -> &[SkinPoint] {

@@ -1,7 +1,6 @@
 //! The volume as a continuous field: where an index is in the patient, and what the scan shows at
 //! a place.
 
-use crate::dicom::Volume;
 use crate::geometry::{Axis, Grid, Vec3, add, cross, dot, norm, normalised, scale, sub};
 
 /// Read access to a volume by voxel, by fractional index and by place in LPS mm.
@@ -39,7 +38,7 @@ const EVEN_MM: f64 = 1e-6;
 
 /// The grid with the slices along its coarsest axis, be it that of the images or, in a sagittal or coronal
 /// series that was reformatted from thick axial slices, another one.
-fn along_coarsest(grid: &Grid) -> Grid {
+pub(super) fn along_coarsest(grid: &Grid) -> Grid {
     let length = |axis: Axis| norm(grid.step()[axis as usize]);
     let coarsest = Axis::ALL.into_iter().max_by(|&a, &b| length(a).total_cmp(&length(b)));
     let others = |axis| Axis::ALL.into_iter().filter(move |&a| a != axis).map(length).fold(0.0, f64::max);
@@ -48,15 +47,13 @@ fn along_coarsest(grid: &Grid) -> Grid {
 }
 
 impl<'a> Space<'a> {
-    /// `None` for a volume with fewer than two voxels along an axis, or one whose voxels have no
-    /// extent.
-    pub(super) fn new(volume: &'a Volume) -> Option<Self> {
-        let hu = volume.hu.as_slice()?;
-        let shape = volume.grid.shape();
+    /// Voxels in HU, x fastest, and their grid. `None` with fewer than two voxels along an axis, or where
+    /// they have no extent.
+    pub(super) fn new(hu: &'a [i16], grid: &Grid) -> Option<Self> {
+        let shape = grid.shape();
         if shape.iter().any(|&n| n < 2) {
             return None;
         }
-        let grid = along_coarsest(&volume.grid);
         let slice_axis = grid.slice_axis() as usize;
         let in_plane = match grid.slice_axis() {
             Axis::Z => [1, 2],
@@ -154,6 +151,12 @@ impl<'a> Space<'a> {
     pub(super) fn gaps(&self) -> Vec<f64> {
         let axis = self.slice_axis();
         (0..self.shape[axis] - 1).map(|k| dot(self.step_at(axis, k), self.slice_normal()).abs()).collect()
+    }
+
+    /// The area of a pixel of the slices, mm².
+    pub(super) fn pixel_mm2(&self) -> f64 {
+        let [a, b] = self.in_plane.map(|a| self.step[a]);
+        norm(cross(a, b))
     }
 
     /// The longer edge of a pixel of the slices, mm.

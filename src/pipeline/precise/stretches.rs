@@ -10,6 +10,7 @@ use super::candidates::Doubtful;
 use super::crossings::Crossing;
 use super::space::Space;
 use crate::geometry::{Plane, Vec3, dot, norm, sub};
+use crate::pipeline::slices;
 
 /// Why a stretch of contour was not accepted.
 #[derive(
@@ -114,12 +115,8 @@ pub(super) fn rows(space: &Space, measured: &[Crossing], doubtful: &[Doubtful]) 
 }
 
 /// The array axis along which a plane's slices are counted.
-fn across(plane: Plane) -> usize {
-    match plane {
-        Plane::Axial => 0,
-        Plane::Coronal => 1,
-        Plane::Sagittal => 2,
-    }
+pub(super) fn across(plane: Plane) -> usize {
+    slices::axis(plane) as usize
 }
 
 /// The two planes that a line along an axis lies in.

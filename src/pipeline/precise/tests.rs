@@ -2,8 +2,11 @@
 
 mod on_the_skin;
 
-use super::{Doubt, NoSkin, QualityLimits, Skin, StretchReason, Verdict, reconstruct};
-use crate::geometry::{Plane, Vec3, dot, norm, sub};
+use ndarray::{Array3, Slice};
+
+use super::{Doubt, NoSkin, QualityLimits, Skin, SliceContour, StretchReason, Verdict, reconstruct};
+use crate::dicom::Volume;
+use crate::geometry::{Axis, Grid, Plane, Vec3, add, dot, norm, scale, sub};
 use crate::phantom::{Acquisition, Options, Phantom};
 use crate::pipeline::Silent;
 
@@ -125,6 +128,37 @@ fn the_same_voxels_in_sagittal_images_give_the_same_skin() {
 }
 
 /// Where slices lie 4 mm apart the vertex shows in one of them alone.
+/// Slices that hold one value were added above and below; the scan cuts the neck.
+#[test]
+fn empty_slices_at_the_ends_change_nothing() {
+    let phantom = Phantom::new(options()).expect("the options are in range");
+    let volume = phantom.volume();
+    let skin =
+        |volume: &Volume| reconstruct(volume, 1.0, &QualityLimits::default(), &Silent).expect("a head");
+    let alone = skin(&volume);
+    let rows = |skin: &Skin, before: usize| -> Vec<(Plane, usize, f64)> {
+        let index = |s: &SliceContour| s.index - if s.plane == Plane::Axial { before } else { 0 };
+        skin.slices.iter().map(|s| (s.plane, index(s), s.accepted_mm)).collect()
+    };
+    for fill in [-1000, -1024, -2000] {
+        let (above, below) = (5, 9);
+        let [nz, ny, nx] = volume.grid.shape();
+        let mut hu = Array3::from_elem([above + nz + below, ny, nx], fill);
+        hu.slice_axis_mut(ndarray::Axis(0), Slice::from(above..above + nz)).assign(&volume.hu);
+        let (first, step) = (volume.grid.slice_origins()[0], volume.grid.step()[0]);
+        let origin = |k: usize| add(first, scale(step, k as f64 - above as f64));
+        let origins = (0..above + nz + below).map(origin).collect();
+        let grid = Grid::new(Axis::Z, origins, *volume.grid.step(), [above + nz + below, ny, nx]);
+        let padded = skin(&Volume { hu, grid, ..volume.clone() });
+        assert_eq!(padded.points.len(), alone.points.len(), "with {fill}");
+        for (p, q) in padded.points.iter().zip(&alone.points) {
+            let apart = distance(p.place.map(f64::from), q.place.map(f64::from));
+            assert!(apart < 1e-3, "{q:?} has moved by {apart} mm with {fill}");
+        }
+        assert_eq!(rows(&padded, above), rows(&alone, 0), "with {fill}");
+    }
+}
+
 #[test]
 fn what_no_two_slices_show_is_rejected_with_its_reason() {
     let (_, skin) = run(Options { slices: 46, slice_mm: 4.0, ..options() }, 1.0);

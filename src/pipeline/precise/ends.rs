@@ -1,0 +1,75 @@
+//! The ends of the stack: slices that hold nothing were added to the scan. Read as air, they would make
+//! skin of where it cuts the patient.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use ndarray::{Axis, CowArray, Ix3, Slice};
+
+use super::levels::Levels;
+use super::space::Space;
+use crate::dicom::Volume;
+use crate::geometry::Grid;
+
+/// A vertex is rounder than a ball of this radius, mm: a slice next to an empty one that shows more tissue
+/// than such a ball's cap between the two cuts the patient.
+const FLATTEST_MM: f64 = 250.0;
+
+/// The slices of the scan without those at an end that one value fills: all of them if air has no such
+/// value, else those beside one that cuts the patient.
+pub(super) fn held(space: &Space, levels: &Levels) -> Range<usize> {
+    let all = 0..space.shape[space.slice_axis()];
+    let is_held = |slice: &usize| value(space, *slice).is_none();
+    let (Some(first), Some(last)) = (all.clone().find(is_held), all.clone().rfind(is_held)) else {
+        return all;
+    };
+    let gaps = space.gaps();
+    let is_cut = |slice: usize, gap: usize| {
+        let tissue = voxels(space, slice).filter(|&v| f32::from(v) >= levels.upper()).count();
+        tissue as f64 * space.pixel_mm2() > TAU * FLATTEST_MM * gaps[gap]
+    };
+    let is_air = |slice: usize| value(space, slice).is_some_and(|v| levels.is_still_air(f32::from(v)));
+    let start = if first > 0 && (!is_air(first - 1) || is_cut(first, first - 1)) { first } else { 0 };
+    let end =
+        if last + 1 < all.end && (!is_air(last + 1) || is_cut(last, last)) { last + 1 } else { all.end };
+    start..end
+}
+
+/// The one value of a slice that holds no other.
+fn value(space: &Space, slice: usize) -> Option<i16> {
+    let mut voxels = voxels(space, slice);
+    let first = voxels.next()?;
+    voxels.all(|v| v == first).then_some(first)
+}
+
+/// Some of the slices of a volume.
+pub(super) struct Part<'a> {
+    hu: CowArray<'a, i16, Ix3>,
+    grid: Grid,
+}
+
+/// The slices that are `held`, along the axis of a grid of the volume.
+pub(super) fn part<'a>(volume: &'a Volume, grid: &Grid, held: Range<usize>) -> Part<'a> {
+    let mut shape = grid.shape();
+    shape[grid.slice_axis() as usize] = held.len();
+    let hu = volume.hu.slice_axis(Axis(grid.slice_axis() as usize), Slice::from(held.clone()));
+    // Axial slices follow each other; others are copied.
+    let hu = if hu.is_standard_layout() { hu.into() } else { hu.to_owned().into() };
+    let origins = grid.slice_origins()[held].to_vec();
+    Part { hu, grid: Grid::new(grid.slice_axis(), origins, *grid.step(), shape) }
+}
+
+impl Part<'_> {
+    /// `None` where it is too small to hold a surface.
+    pub(super) fn space(&self) -> Option<Space<'_>> {
+        Space::new(self.hu.as_slice()?, &self.grid)
+    }
+}
+
+/// The voxels of a slice.
+fn voxels<'a>(space: &'a Space, slice: usize) -> impl Iterator<Item = i16> + 'a {
+    let [slow, fast] = [[1, 2], [0, 2], [0, 1]][space.slice_axis()];
+    let first = slice * space.stride(space.slice_axis());
+    let rows = (0..space.shape[slow]).map(move |i| first + i * space.stride(slow));
+    rows.flat_map(move |row| (0..space.shape[fast]).map(move |i| space.hu[row + i * space.stride(fast)]))
+}
