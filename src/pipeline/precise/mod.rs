@@ -8,7 +8,7 @@
 //! |---|---|
 //! | the scan as a field in mm | `space`, `levels`, `ends`, `field` |
 //! | cells for the search in 3D | `crop`, `survey`, `rows`, `reach`, `pieces` |
-//! | which tissue is the patient | `kinds`, `couch`, `patient`, `enclosure`, `sheets`, `head` |
+//! | which tissue is the patient | `kinds`, `couch`, `patient`, `enclosure`, `large`, `sheets`, `head` |
 //! | which border is skin | `outside`, `openings`, `canals` |
 //! | where exactly | `candidates`, `width`, `plateau`, `regions`, `crossings`, `edge`, `parted` |
 //! | what lies on it | `surface`, `fill`, `ledges`, `covered` |
@@ -37,6 +37,7 @@ mod field;
 mod fill;
 mod head;
 mod kinds;
+mod large;
 mod leaves;
 mod ledges;
 mod levels;

@@ -11,6 +11,7 @@ use super::crop;
 use super::enclosure::enclosure;
 use super::field::Field;
 use super::kinds::{BALL_MM, Cell, tissue};
+use super::large::{Bounds, LARGEST_PART_MM, are_large};
 use super::levels::Levels;
 use super::openings::FieldBorder;
 use super::outside::Open;
@@ -26,8 +27,6 @@ use crate::geometry::{Vec3, add, scale};
 const EDGE_MM: f64 = 1.0;
 /// What lies so close to the opened body belongs to it without further question, mm.
 const SKIN_MM: f64 = 1.5;
-/// A thin piece longer than this (diagonal of its box) is no ear, nose or jaw, mm.
-const LONGEST_PART_MM: f64 = 95.0;
 /// A couch is seen apart from the patient if no more than this share of its cells is the patient's.
 const LENT: f64 = 0.3;
 
@@ -118,19 +117,15 @@ impl Patient {
     fn judge_parts(&mut self, near: &[bool]) {
         let kinds = &self.kinds;
         let parts = Pieces::of(self.survey.cells.shape, |i| kinds[i] == Cell::Patient && !near[i]);
-        let n = parts.sizes().len();
-        let (mut low, mut high) = (vec![[usize::MAX; 3]; n], vec![[0usize; 3]; n]);
-        let mut touches = vec![false; n];
+        let mut boxes = vec![Bounds::default(); parts.sizes().len()];
+        let mut touches = vec![false; boxes.len()];
         let [nx, ny, nz] = self.survey.cells.shape;
         let body = |o: usize| kinds[o] == Cell::Patient && near[o];
         parts.each_row(|[y, z], run| {
             let p = run.piece as usize;
             for x in run.start as usize..run.end as usize {
                 let (offset, cell) = (self.survey.cells.offset([x, y, z]), [x, y, z]);
-                for a in 0..3 {
-                    low[p][a] = low[p][a].min(cell[a]);
-                    high[p][a] = high[p][a].max(cell[a]);
-                }
+                boxes[p].add(cell);
                 touches[p] = touches[p]
                     || (x > 0 && body(offset - 1))
                     || (x + 1 < nx && body(offset + 1))
@@ -140,26 +135,25 @@ impl Patient {
                     || (z + 1 < nz && body(offset + nx * ny));
             }
         });
-        let diagonal = |p: usize| {
-            (0..3).map(|a| ((high[p][a] - low[p][a] + 1) as f64).powi(2)).sum::<f64>().sqrt()
-                * self.survey.cells.edge
-        };
+        let diagonal = |p: usize| boxes[p].diagonal() * self.survey.cells.edge;
         let (mut apart, mut long) = (Vec::new(), Vec::new());
         parts.each_row(|[y, z], run| {
             let start = self.survey.cells.offset([run.start as usize, y, z]);
             let cells = start..start + (run.end - run.start) as usize;
             if !touches[run.piece as usize] {
                 apart.extend(cells);
-            } else if diagonal(run.piece as usize) > LONGEST_PART_MM {
+            } else if diagonal(run.piece as usize) > LARGEST_PART_MM {
                 long.extend(cells);
             }
         });
         let in_view = |i: &usize| enclosure(&self.survey.cells, *i, body) < ENCLOSED;
         let attached: Vec<usize> = long.into_par_iter().filter(in_view).collect();
+        // A nose is part of a long piece by the thin walls behind it.
+        let large = are_large(&self.survey.cells, &attached);
         for i in apart {
             self.kinds[i] = Cell::Other;
         }
-        for i in attached {
+        for (i, _) in attached.into_iter().zip(large).filter(|(_, large)| *large) {
             self.kinds[i] = Cell::Attached;
         }
     }

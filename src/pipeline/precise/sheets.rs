@@ -12,8 +12,8 @@ use std::collections::{BinaryHeap, HashMap};
 use rayon::prelude::*;
 
 use super::kinds::Cell;
+use super::large::are_large;
 use super::levels::Levels;
-use super::pieces::Pieces;
 use super::reach::within;
 use super::space::Space;
 use super::survey::Cells;
@@ -25,10 +25,6 @@ const THICKEST_MM: f64 = 4.5;
 const WIDEST_GAP_MM: f64 = 10.0;
 /// Step of the ray, mm.
 const STEP_MM: f64 = 0.4;
-/// Parts of a sheet that lie nearer to each other than twice this belong together, mm.
-const LINK_MM: f64 = 4.0;
-/// Thin parts of the patient (ears, nostrils) do not reach so far: diagonal of the box, mm.
-const LARGEST_PART_MM: f64 = 95.0;
 /// A sheet's outer face goes on at most so far over the skin, mm.
 const CONTACT_MM: f64 = 40.0;
 /// What a radian of turn costs on the way along a surface, in mm of way.
@@ -53,7 +49,9 @@ pub(super) fn peel(
             layer(space, levels, cells.centre(cells.cell(i)), normal).map(|l| (i, l))
         })
         .collect();
-    let foreign = large(cells, &layers);
+    let large = are_large(cells, &layers.iter().map(|l| l.0).collect::<Vec<_>>());
+    let foreign: Vec<(usize, Layer)> =
+        layers.into_iter().zip(large).filter(|(_, large)| *large).map(|(layer, _)| layer).collect();
     if foreign.is_empty() {
         return;
     }
@@ -122,40 +120,6 @@ fn layer(space: &Space, levels: &Levels, start: Vec3, normal: Vec3) -> Option<La
         }
         depth += STEP_MM;
     }
-}
-
-/// The layers that belong to something larger than any thin part of a head.
-fn large(cells: &Cells, layers: &[(usize, Layer)]) -> Vec<(usize, Layer)> {
-    if layers.is_empty() {
-        return Vec::new();
-    }
-    let mut mark = vec![false; cells.len()];
-    for (i, _) in layers {
-        mark[*i] = true;
-    }
-    let near = within(cells.shape, cells.squared(LINK_MM), |i| mark[i]);
-    drop(mark);
-    let parts = Pieces::of(cells.shape, |i| near[i]);
-    let n = parts.sizes().len();
-    let (mut low, mut high) = (vec![[usize::MAX; 3]; n], vec![[0usize; 3]; n]);
-    let part_of = |i: usize| {
-        let [x, y, z] = cells.cell(i);
-        parts.at(z, y, x).map(|p| p as usize)
-    };
-    for (i, _) in layers {
-        let Some(p) = part_of(*i) else { continue };
-        let cell = cells.cell(*i);
-        for a in 0..3 {
-            low[p][a] = low[p][a].min(cell[a]);
-            high[p][a] = high[p][a].max(cell[a]);
-        }
-    }
-    let is_large = |p: usize| {
-        let square: f64 =
-            (0..3).map(|a| ((high[p][a].saturating_sub(low[p][a]) + 1) as f64 * cells.edge).powi(2)).sum();
-        square.sqrt() > LARGEST_PART_MM
-    };
-    layers.iter().filter(|(i, _)| part_of(*i).is_some_and(is_large)).copied().collect()
 }
 
 /// The stretches of the patient's border that are reached along the surface from the outer faces
