@@ -56,14 +56,15 @@ impl Fate {
 
 impl Covered {
     /// Searches the whole surface, whose crossings lie no further apart than a leaf of the mesh.
-    /// `near_foreign` tells whether something foreign is close to a place.
+    /// Canals are closed at `canals`; `near_foreign` tells whether something foreign is close to a place.
     pub(super) fn of(
         space: &Space,
         levels: &Levels,
         crossings: &[Crossing],
+        canals: &[Vec3],
         near_foreign: impl Fn(Vec3) -> bool + Sync,
     ) -> Self {
-        let seen = |look, with_scraps| Seen::of(space, levels, crossings, look, with_scraps);
+        let seen = |look, with_scraps| Seen::of(space, levels, crossings, canals, look, with_scraps);
         let (closely, coarsely) =
             rayon::join(|| seen(&CLOSELY, Some(&near_foreign)), || seen(&COARSELY, None));
         Self { seen: [closely, coarsely] }
@@ -106,11 +107,12 @@ impl Seen {
         space: &Space,
         levels: &Levels,
         crossings: &[Crossing],
+        canals: &[Vec3],
         look: &Look,
         near_foreign: Option<&(impl Fn(Vec3) -> bool + Sync)>,
     ) -> Self {
         let mut surface = Surface::of(crossings, look.leaf_mm);
-        let parts = surrounded(space, levels, &mut surface, look);
+        let parts = surrounded(space, levels, &mut surface, look, canals);
         let mut fates: Vec<Option<Fate>> = vec![None; surface.len()];
         for part in &parts {
             part.nodes.iter().for_each(|&node| fates[node] = Some(Fate::covered(part)));

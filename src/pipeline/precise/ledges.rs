@@ -16,15 +16,15 @@ mod rim;
 
 use rayon::prelude::*;
 
-use kinds::Kind;
 pub(super) use kinds::{CLOSELY, COARSELY, Look};
+use kinds::{Kind, Like};
 use rim::Rim;
 
 use super::fill;
 use super::levels::Levels;
 use super::space::Space;
 use super::surface::Surface;
-use crate::geometry::{add, scale};
+use crate::geometry::{Vec3, add, norm, scale, sub};
 
 /// Between slices further apart a ledge is no steeper than other skin, mm.
 const WIDEST_GAP_MM: f64 = 3.5;
@@ -42,6 +42,9 @@ const WAYS: usize = 300;
 const BEHIND_MM: f64 = 6.0;
 /// over so much of its area.
 const AS_EARS: f64 = 0.2;
+
+/// A tragus or a wing of the nose is no further than this from where the canal beside it is closed, mm.
+const TRAGUS_MM: f64 = 20.0;
 
 /// A part of the surface with a ledge around it.
 #[derive(Debug)]
@@ -72,16 +75,25 @@ impl Part {
 }
 
 /// The parts with a ledge around them; none has a node in common with another.
-pub(super) fn surrounded(space: &Space, levels: &Levels, surface: &mut Surface, look: &Look) -> Vec<Part> {
+pub(super) fn surrounded(
+    space: &Space,
+    levels: &Levels,
+    surface: &mut Surface,
+    look: &Look,
+    canals: &[Vec3],
+) -> Vec<Part> {
     if space.gaps().into_iter().all(|gap| gap > WIDEST_GAP_MM) {
         return Vec::new();
     }
     let rough = fill::rough(surface);
     let at_end = at_end(space, surface);
-    let is_ear =
-        |surface: &Surface, part: &Part| part.kind.as_ears && stands_off(space, levels, surface, part);
+    let is_own = |surface: &Surface, part: &Part| match part.kind.like {
+        Like::Nothing => false,
+        Like::Ear => stands_off(space, levels, surface, part),
+        Like::Tragus => is_near(surface, part, canals),
+    };
     let found = parts(surface, &rough, &at_end, look.kinds, |kind| kind.roughly);
-    if found.iter().all(|part| is_ear(surface, part)) {
+    if found.iter().all(|part| is_own(surface, part)) {
         return Vec::new();
     }
     if look.shows_motion {
@@ -91,7 +103,7 @@ pub(super) fn surrounded(space: &Space, levels: &Levels, surface: &mut Surface, 
     let mut found = parts(surface, &fill::exact(surface, rough), &at_end, look.kinds, |kind| kind.ledge);
     // What is round beside a mask is the mask's.
     let any_large = found.iter().any(|part| part.kind.flat == 0.0);
-    found.retain(|part| (any_large || part.is_flat(surface)) && !is_ear(surface, part));
+    found.retain(|part| (any_large || part.is_flat(surface)) && !is_own(surface, part));
     let mut taken = vec![false; surface.len()];
     let mut chosen = Vec::new();
     loop {
@@ -135,7 +147,9 @@ fn parts(
                 Rim::of(surface, &nodes, |to| part_of[to] != part, |to| is_ledge[to], |node| at_end[node]);
             let long = f64::from(rim.above) / (nodes.len() as f64).sqrt();
             let ledge = rim.share(rim.above);
-            let kind = kinds.find(|kind| kind.rim.contains(&long) && ledge >= least_ledge(kind))?;
+            let kind = kinds.find(|kind| {
+                kind.rim.contains(&long) && ledge >= least_ledge(kind) && rim.steepness() >= kind.steep
+            })?;
             Some(Part { nodes, ledge, kind })
         };
         parts.into_iter().filter_map(part).collect()
@@ -149,6 +163,15 @@ fn at_end(space: &Space, surface: &Surface) -> Vec<bool> {
     let [up, down] = [surface.leaf, -surface.leaf].map(|mm| scale(space.slice_normal(), mm));
     let is_out = |p| space.sample(p).is_none();
     surface.places.par_iter().map(|p| is_out(add(*p, up)) || is_out(add(*p, down))).collect()
+}
+
+/// Whether a part is no further than [`TRAGUS_MM`] from a canal.
+fn is_near(surface: &Surface, part: &Part, canals: &[Vec3]) -> bool {
+    let is_near = |node: usize| {
+        let p = surface.places[node];
+        canals.iter().any(|&canal| norm(sub(canal, p)) < TRAGUS_MM)
+    };
+    part.nodes.iter().any(|&node| is_near(node))
 }
 
 /// Whether a part has air behind it, as an ear has.

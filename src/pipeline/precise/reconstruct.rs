@@ -20,7 +20,7 @@ use super::quality::QualityLimits;
 use super::regions::{MOST_AIR_OF_WIDE, Regions, most_air};
 use super::skin::{BorderPoint, NoSkin, Skin, SkinPoint};
 use super::space::{Space, along_coarsest};
-use super::stretches::rows;
+use super::stretches::{StretchReason, rows};
 use super::width::Width;
 use super::{assess, ends, order, plateau};
 use crate::dicom::Volume;
@@ -97,9 +97,11 @@ fn skin(
         doubtful.extend(between.settle(space, &mut measured));
     }
     let mut filled = between.map(|between| between.fill(space, measured.clone()));
-    let covered = Covered::of(space, levels, filled.as_ref().unwrap_or(&measured), |place| {
-        patient.is_near_foreign(place)
-    });
+    let of_canals = doubtful.iter().filter(|d| d.reason == StretchReason::Canal);
+    let canals: Vec<Vec3> = of_canals.map(|d| d.place).collect();
+    let near_foreign = |place| patient.is_near_foreign(place);
+    let all = filled.as_ref().unwrap_or(&measured);
+    let covered = Covered::of(space, levels, all, &canals, near_foreign);
     doubtful.extend(covered.take(space, &mut measured));
     if let Some(filled) = &mut filled {
         filled.retain(|c| !covered.holds(c.place));

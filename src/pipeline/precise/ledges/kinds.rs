@@ -27,8 +27,20 @@ pub(super) struct Kind {
     pub(super) ledge: f64,
     /// The same at a rough fill: then the exact one is worth its time.
     pub(super) roughly: f64,
-    /// Whether a head has the like of it, which stands off the head: the ears.
-    pub(super) as_ears: bool,
+    /// How steeply its rim rises at least, on average, as a sine: eyelids slope.
+    pub(super) steep: f64,
+    /// What of a head is like it.
+    pub(super) like: Like,
+}
+
+/// What a head has that is like something on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Like {
+    Nothing,
+    /// That stands off the head.
+    Ear,
+    /// That lies before an ear canal; and the wings of a nose.
+    Tragus,
 }
 
 impl Kind {
@@ -68,7 +80,8 @@ pub(super) const THIN: [Kind; 4] = [
         rim: LYING,
         ledge: 0.65,
         roughly: 0.55,
-        as_ears: false,
+        steep: 0.0,
+        like: Like::Nothing,
     },
     Kind {
         extent_mm: 80.0..95.0,
@@ -78,7 +91,8 @@ pub(super) const THIN: [Kind; 4] = [
         rim: LYING,
         ledge: 0.8,
         roughly: 0.7,
-        as_ears: true,
+        steep: 0.0,
+        like: Like::Ear,
     },
     Kind {
         extent_mm: 57.0..80.0,
@@ -88,7 +102,8 @@ pub(super) const THIN: [Kind; 4] = [
         rim: LYING,
         ledge: 0.8,
         roughly: 0.7,
-        as_ears: true,
+        steep: 0.0,
+        like: Like::Ear,
     },
     Kind {
         extent_mm: 0.0..40.0,
@@ -98,7 +113,8 @@ pub(super) const THIN: [Kind; 4] = [
         rim: LYING,
         ledge: 0.85,
         roughly: 0.75,
-        as_ears: false,
+        steep: 0.47,
+        like: Like::Tragus,
     },
 ];
 
@@ -114,7 +130,8 @@ const THICK: [Kind; 3] = [
         rim: STICKING_OUT,
         ledge: 0.8,
         roughly: 0.7,
-        as_ears: false,
+        steep: 0.0,
+        like: Like::Nothing,
     },
     Kind {
         extent_mm: 57.0..80.0,
@@ -124,7 +141,8 @@ const THICK: [Kind; 3] = [
         rim: LYING,
         ledge: 0.7,
         roughly: 0.6,
-        as_ears: true,
+        steep: 0.0,
+        like: Like::Ear,
     },
     Kind {
         extent_mm: 80.0..f64::INFINITY,
@@ -134,6 +152,7 @@ const THICK: [Kind; 3] = [
         rim: LYING,
         ledge: 0.7,
         roughly: 0.6,
-        as_ears: false,
+        steep: 0.0,
+        like: Like::Nothing,
     },
 ];

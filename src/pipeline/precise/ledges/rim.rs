@@ -5,6 +5,9 @@ use super::super::surface::Surface;
 /// How many nodes on the rim of a part stand above what is beside it, below it, or level with it.
 #[derive(Debug, Default)]
 pub(super) struct Rim {
+    /// Links across it, and the sum of how they fall.
+    links: u32,
+    fall: f32,
     pub(super) above: u32,
     below: u32,
     level: u32,
@@ -24,6 +27,8 @@ impl Rim {
         for &node in nodes {
             let (mut above, mut below, mut level) = (false, false, at_end(node));
             for link in surface.links(node).filter(|link| beside(link.to)) {
+                rim.links += 1;
+                rim.fall -= link.rise;
                 above |= link.is_ledge() && link.rise < 0.0;
                 below |= link.is_ledge() && link.rise > 0.0;
                 level |= !link.is_ledge() && !is_ledge(link.to);
@@ -33,6 +38,11 @@ impl Rim {
             rim.level += u32::from(level);
         }
         rim
+    }
+
+    /// How steeply it falls on average, as a sine.
+    pub(super) fn steepness(&self) -> f64 {
+        f64::from(self.fall) / f64::from(self.links.max(1))
     }
 
     /// The share of so many of the rim's nodes.
