@@ -41,7 +41,12 @@ pub(super) fn view(cells: &Cells, cell: usize, look: impl Fn(usize) -> Seen) -> 
 
 /// The cells along a direction from a cell, so many steps of a cell's edge as make `mm`; and
 /// whether the survey ends before.
-fn ray(cells: &Cells, from: usize, direction: [isize; 3], mm: f64) -> (impl Iterator<Item = usize>, bool) {
+pub(super) fn ray(
+    cells: &Cells,
+    from: usize,
+    direction: [isize; 3],
+    mm: f64,
+) -> (impl Iterator<Item = usize>, bool) {
     let (at, [nx, ny, _]) = (cells.cell(from), cells.shape);
     let room = (0..3).map(|a| match direction[a] {
         0 => usize::MAX,
@@ -55,8 +60,8 @@ fn ray(cells: &Cells, from: usize, direction: [isize; 3], mm: f64) -> (impl Iter
     ((1..=room.min(steps)).map(cell), room < steps)
 }
 
-/// The 26 directions to a cell's neighbours.
-fn directions() -> impl Iterator<Item = [isize; 3]> {
+/// The 26 directions to a cell's neighbours; the last is the opposite of the first, and so on.
+pub(super) fn directions() -> impl Iterator<Item = [isize; 3]> {
     (0..27).map(|i| [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1]).filter(|d| *d != [0; 3])
 }
 

@@ -1,5 +1,7 @@
 //! What is larger than any thin part of a head: sheets, holders, tubes.
 
+use rayon::prelude::*;
+
 use super::pieces::Pieces;
 use super::reach::within;
 use super::survey::Cells;
@@ -9,8 +11,9 @@ pub(super) const LARGEST_PART_MM: f64 = 95.0;
 /// What lies nearer to each other than twice this belongs together, mm.
 const LINK_MM: f64 = 4.0;
 
-/// Which of some cells belong to something larger than any thin part of a head.
-pub(super) fn are_large(cells: &Cells, some: &[usize]) -> Vec<bool> {
+/// Which of some cells belong to something larger than any thin part of a head, at least half of whose
+/// cells are `foreign`.
+pub(super) fn are_large(cells: &Cells, some: &[usize], foreign: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
     if some.is_empty() {
         return Vec::new();
     }
@@ -19,20 +22,25 @@ pub(super) fn are_large(cells: &Cells, some: &[usize]) -> Vec<bool> {
     let near = within(cells.shape, cells.squared(LINK_MM), |i| marked[i]);
     drop(marked);
     let parts = Pieces::of(cells.shape, |i| near[i]);
-    let mut boxes = vec![Bounds::default(); parts.sizes().len()];
     let part_of = |i: usize| {
         let [x, y, z] = cells.cell(i);
         parts.at(z, y, x).map(|part| part as usize)
     };
-    let of: Vec<Option<usize>> = some.iter().map(|&i| part_of(i)).collect();
-    for (&i, part) in some.iter().zip(&of) {
-        if let Some(part) = *part {
-            boxes[part].add(cells.cell(i));
+    let foreign = some.par_iter().map(|&i| foreign(i)).collect::<Vec<_>>();
+    let mut found = vec![(Bounds::default(), 0, 0); parts.sizes().len()];
+    for (&i, foreign) in some.iter().zip(foreign) {
+        if let Some(part) = part_of(i) {
+            let (bounds, all, foreigners) = &mut found[part];
+            bounds.add(cells.cell(i));
+            *all += 1;
+            *foreigners += usize::from(foreign);
         }
     }
-    let is_large =
-        |part: &Option<usize>| part.is_some_and(|part| boxes[part].diagonal() * cells.edge > LARGEST_PART_MM);
-    of.iter().map(is_large).collect()
+    let is_large = |part: usize| {
+        let (bounds, all, foreigners) = &found[part];
+        bounds.diagonal() * cells.edge > LARGEST_PART_MM && 2 * foreigners >= *all
+    };
+    some.iter().map(|&i| part_of(i).is_some_and(is_large)).collect()
 }
 
 /// The box around some cells.
@@ -76,7 +84,9 @@ mod tests {
             (5..105).filter(|x| !(50..56).contains(x)).map(|x| cells.offset([x, 5, 5])).collect();
         let nose: Vec<usize> = (0..35).map(|i| cells.offset([40 + i / 2, 30 + i, 20 + i])).collect();
         let all = [tube.clone(), nose].concat();
-        let large = are_large(&cells, &all);
+        let large = are_large(&cells, &all, |_| true);
         assert!(large.iter().enumerate().all(|(i, large)| *large == (i < tube.len())), "{large:?}");
+        let own = are_large(&cells, &all, |i| cells.cell(i)[0] < 45);
+        assert!(!own.contains(&true), "too little of it is foreign");
     }
 }

@@ -96,7 +96,7 @@ impl Patient {
         let mut patient = Self { survey, kinds, near_foreign: Vec::new(), field_border, pieces, own };
         let open = Open::find(&patient);
         sheets::peel(space, levels, &patient.survey.cells, &mut patient.kinds, |i| open.is_open(i));
-        patient.judge_parts(&near);
+        patient.judge_parts(&near, &open);
         patient.look_for_foreign();
         Some(patient)
     }
@@ -114,7 +114,7 @@ impl Patient {
     }
 
     /// Decides what the thin pieces on the body are.
-    fn judge_parts(&mut self, near: &[bool]) {
+    fn judge_parts(&mut self, near: &[bool], open: &Open) {
         let kinds = &self.kinds;
         let parts = Pieces::of(self.survey.cells.shape, |i| kinds[i] == Cell::Patient && !near[i]);
         let mut boxes = vec![Bounds::default(); parts.sizes().len()];
@@ -148,8 +148,9 @@ impl Patient {
         });
         let in_view = |i: &usize| enclosure(&self.survey.cells, *i, body) < ENCLOSED;
         let attached: Vec<usize> = long.into_par_iter().filter(in_view).collect();
-        // A nose is part of a long piece by the thin walls behind it.
-        let large = are_large(&self.survey.cells, &attached);
+        // A nose and the wall of a frontal sinus hang together too, but behind them is no open air.
+        let stands_free = |i: usize| open.stands_free(i, |j| self.kinds[j] != Cell::Air);
+        let large = are_large(&self.survey.cells, &attached, stands_free);
         for i in apart {
             self.kinds[i] = Cell::Other;
         }

@@ -49,7 +49,7 @@ pub(super) fn peel(
             layer(space, levels, cells.centre(cells.cell(i)), normal).map(|l| (i, l))
         })
         .collect();
-    let large = are_large(cells, &layers.iter().map(|l| l.0).collect::<Vec<_>>());
+    let large = are_large(cells, &layers.iter().map(|l| l.0).collect::<Vec<_>>(), |_| true);
     let foreign: Vec<(usize, Layer)> =
         layers.into_iter().zip(large).filter(|(_, large)| *large).map(|(layer, _)| layer).collect();
     if foreign.is_empty() {

@@ -121,7 +121,7 @@ pub(super) const THIN: [Kind; 4] = [
 /// Nothing of a head sticks out like a finger or a tube, from a narrow foot. The wall around a thick
 /// pad is a ledge to a coarse look, although it is tall or bevelled. So are the sides of a nose or a
 /// neck; but a nose is narrow, and a neck has a ledge on few sides.
-const THICK: [Kind; 3] = [
+const THICK: [Kind; 4] = [
     Kind {
         extent_mm: 20.0..150.0,
         area_mm2: 300.0,
@@ -145,7 +145,18 @@ const THICK: [Kind; 3] = [
         like: Like::Ear,
     },
     Kind {
-        extent_mm: 80.0..f64::INFINITY,
+        extent_mm: 80.0..95.0,
+        area_mm2: 3000.0,
+        compact: 0.5,
+        flat: 0.0,
+        rim: LYING,
+        ledge: 0.7,
+        roughly: 0.6,
+        steep: 0.0,
+        like: Like::Ear,
+    },
+    Kind {
+        extent_mm: 95.0..f64::INFINITY,
         area_mm2: 3000.0,
         compact: 0.5,
         flat: 0.0,
