@@ -59,10 +59,8 @@ impl Default for Bounds {
 impl Bounds {
     /// Takes a cell in.
     pub(super) fn add(&mut self, cell: [usize; 3]) {
-        for a in 0..3 {
-            self.low[a] = self.low[a].min(cell[a]);
-            self.high[a] = self.high[a].max(cell[a]);
-        }
+        self.low = std::array::from_fn(|a| self.low[a].min(cell[a]));
+        self.high = std::array::from_fn(|a| self.high[a].max(cell[a]));
     }
 
     /// Of the box, in cells; of a single cell's that of a cube.

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | the scan as a field in mm | `space`, `levels`, `ends`, `field` |
 //! | cells for the search in 3D | `crop`, `survey`, `rows`, `reach`, `pieces` |
-//! | which tissue is the patient | `kinds`, `couch`, `patient`, `enclosure`, `large`, `sheets`, `head` |
+//! | which tissue is the patient | `kinds`, `couch`, `patient`, `enclosure`, `large`, `sheets`, `parts`, `head` |
 //! | which border is skin | `outside`, `openings`, `canals` |
 //! | where exactly | `candidates`, `width`, `plateau`, `regions`, `crossings`, `edge`, `parted` |
 //! | what lies on it | `surface`, `fill`, `ledges`, `covered` |
@@ -46,6 +46,7 @@ mod openings;
 mod order;
 mod outside;
 mod parted;
+mod parts;
 mod patient;
 mod pieces;
 mod plateau;

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::canals::close_canals;
-use super::enclosure::{directions, enclosure, ray};
+use super::enclosure::enclosure;
 use super::kinds::Cell;
 use super::patient::Patient;
 use super::pieces::Pieces;
@@ -13,8 +13,6 @@ use crate::geometry::{Vec3, add, scale};
 
 /// The ball that air outside lets pass, mm.
 const BALL_MM: f64 = 4.0;
-/// What stands free in it is no thicker, mm.
-const THICK_MM: f64 = 12.0;
 /// Air behind what hangs on the patient is outside if less of the view from it is the patient.
 const ENCLOSURE: f64 = 0.8;
 /// How far before a border the survey is asked, in cells.
@@ -88,22 +86,6 @@ impl Open {
             open[i] = SHUT;
         }
         Self { cells, open }
-    }
-
-    /// Whether something thin stands free at a cell, as a plate, a tube, an ear: along some direction the
-    /// first that is not `solid` on both sides is air outside.
-    pub(super) fn stands_free(&self, cell: usize, solid: impl Fn(usize) -> bool) -> bool {
-        let solid_cells = |way: [isize; 3]| {
-            let (ray, _) = ray(&self.cells, cell, way, THICK_MM);
-            let (before, end) = ray.enumerate().find(|(_, i)| !solid(*i))?;
-            self.is_open(end).then_some(before)
-        };
-        // Half of the directions: the others are their opposites.
-        directions().take(13).any(|way| {
-            let step = way.iter().map(|v| (v * v) as f64).sum::<f64>().sqrt() * self.cells.edge;
-            let both = solid_cells(way).zip(solid_cells(way.map(|v| -v)));
-            both.is_some_and(|(there, back)| (there + 1 + back) as f64 * step < THICK_MM)
-        })
     }
 
     /// Whether a survey cell is air outside.

@@ -8,19 +8,17 @@ use rayon::prelude::*;
 
 use super::couch::{self, Outline};
 use super::crop;
-use super::enclosure::enclosure;
 use super::field::Field;
 use super::kinds::{BALL_MM, Cell, tissue};
-use super::large::{Bounds, LARGEST_PART_MM, are_large};
 use super::levels::Levels;
 use super::openings::FieldBorder;
 use super::outside::Open;
 use super::pieces::Pieces;
 use super::reach::within;
 use super::rows::Rows;
-use super::sheets;
 use super::space::{Space, nearest};
 use super::survey::{Cells, Survey};
+use super::{parts, sheets};
 use crate::geometry::{Vec3, add, scale};
 
 /// Edge of the survey's cells, mm; larger where the patient is.
@@ -39,10 +37,6 @@ const DEEPEST_MM: f64 = 20.0;
 
 /// What is so near something foreign may touch it, mm.
 const FOREIGN_MM: f64 = 3.5;
-/// Where so much of the view from a long part is the patient, it is the patient's all the same:
-/// the walls of the sinuses and of the mastoid's cells.
-const ENCLOSED: f64 = 0.65;
-
 /// The patient in the survey's cells and in the scan's voxels.
 #[derive(Debug)]
 pub(super) struct Patient {
@@ -96,7 +90,7 @@ impl Patient {
         let mut patient = Self { survey, kinds, near_foreign: Vec::new(), field_border, pieces, own };
         let open = Open::find(&patient);
         sheets::peel(space, levels, &patient.survey.cells, &mut patient.kinds, |i| open.is_open(i));
-        patient.judge_parts(&near, &open);
+        parts::judge(&patient.survey.cells, &mut patient.kinds, &near, |i| open.is_open(i));
         patient.look_for_foreign();
         Some(patient)
     }
@@ -111,52 +105,6 @@ impl Patient {
         let (cells, kinds) = (&self.survey.cells, &self.kinds);
         let foreign = |i: usize| matches!(kinds[i], Cell::Attached | Cell::Other);
         self.near_foreign = within(cells.shape, cells.squared(FOREIGN_MM), foreign);
-    }
-
-    /// Decides what the thin pieces on the body are.
-    fn judge_parts(&mut self, near: &[bool], open: &Open) {
-        let kinds = &self.kinds;
-        let parts = Pieces::of(self.survey.cells.shape, |i| kinds[i] == Cell::Patient && !near[i]);
-        let mut boxes = vec![Bounds::default(); parts.sizes().len()];
-        let mut touches = vec![false; boxes.len()];
-        let [nx, ny, nz] = self.survey.cells.shape;
-        let body = |o: usize| kinds[o] == Cell::Patient && near[o];
-        parts.each_row(|[y, z], run| {
-            let p = run.piece as usize;
-            for x in run.start as usize..run.end as usize {
-                let (offset, cell) = (self.survey.cells.offset([x, y, z]), [x, y, z]);
-                boxes[p].add(cell);
-                touches[p] = touches[p]
-                    || (x > 0 && body(offset - 1))
-                    || (x + 1 < nx && body(offset + 1))
-                    || (y > 0 && body(offset - nx))
-                    || (y + 1 < ny && body(offset + nx))
-                    || (z > 0 && body(offset - nx * ny))
-                    || (z + 1 < nz && body(offset + nx * ny));
-            }
-        });
-        let diagonal = |p: usize| boxes[p].diagonal() * self.survey.cells.edge;
-        let (mut apart, mut long) = (Vec::new(), Vec::new());
-        parts.each_row(|[y, z], run| {
-            let start = self.survey.cells.offset([run.start as usize, y, z]);
-            let cells = start..start + (run.end - run.start) as usize;
-            if !touches[run.piece as usize] {
-                apart.extend(cells);
-            } else if diagonal(run.piece as usize) > LARGEST_PART_MM {
-                long.extend(cells);
-            }
-        });
-        let in_view = |i: &usize| enclosure(&self.survey.cells, *i, body) < ENCLOSED;
-        let attached: Vec<usize> = long.into_par_iter().filter(in_view).collect();
-        // A nose and the wall of a frontal sinus hang together too, but behind them is no open air.
-        let stands_free = |i: usize| open.stands_free(i, |j| self.kinds[j] != Cell::Air);
-        let large = are_large(&self.survey.cells, &attached, stands_free);
-        for i in apart {
-            self.kinds[i] = Cell::Other;
-        }
-        for (i, _) in attached.into_iter().zip(large).filter(|(_, large)| *large) {
-            self.kinds[i] = Cell::Attached;
-        }
     }
 
     /// How far behind a border at `p` with the outward normal `n` the first clear tissue is that no
