@@ -369,6 +369,29 @@ fn what_the_field_of_view_cuts_is_no_skin_and_the_head_is_limited() {
     }
 }
 
+/// Sagittal images whose first one cuts an ear off; the rest of the head is in view.
+#[test]
+fn the_first_of_sagittal_images_can_cut_the_head_at_its_side() {
+    let options = Options { slices: 190, slice_mm: 0.9, ..options() };
+    let phantom = Phantom::new(options).expect("the options are in range");
+    let volume = phantom.volume();
+    let doubts = |first: usize| {
+        let part = Slice::from(first..);
+        let hu = volume.hu.slice_axis(ndarray::Axis(2), part).as_standard_layout().into_owned();
+        let shape = [hu.shape()[0], hu.shape()[1], hu.shape()[2]];
+        let sagittal = volume.grid.sliced_along(Axis::X).expect("upright and even");
+        let origins = sagittal.slice_origins()[first..].to_vec();
+        let grid = Grid::new(Axis::X, origins, *sagittal.step(), shape);
+        let skin =
+            reconstruct(&Volume { hu, grid, ..volume.clone() }, 1.0, &QualityLimits::default(), &Silent);
+        skin.expect("a head").quality.doubts
+    };
+    assert!(!doubts(0).contains(&Doubt::CutAtSide), "all of it is in view");
+    let right = phantom.skin_points(3.0).iter().map(|p| p[0]).fold(f64::MAX, f64::min);
+    let cut = ((right + 15.0 - volume.grid.lps([0, 0, 0])[0]) / 0.9) as usize;
+    assert!(doubts(cut).contains(&Doubt::CutAtSide));
+}
+
 /// The head lies on a board that is wider than the field of view.
 #[test]
 fn where_the_field_of_view_cuts_a_board_no_skin_is_missing() {
