@@ -8,12 +8,14 @@ use super::survey::Cells;
 
 /// Ears, nose and jaw are smaller: diagonal of the box, mm.
 pub(super) const LARGEST_PART_MM: f64 = 95.0;
+/// Neither are a nose and the wall of a frontal sinus together longer than this, mm.
+const LARGEST_FACE_MM: f64 = 150.0;
 /// What lies nearer to each other than twice this belongs together, mm.
 const LINK_MM: f64 = 4.0;
 
-/// Which of some cells belong to something larger than any thin part of a head, at least half of whose
-/// cells are `foreign`.
-pub(super) fn are_large(cells: &Cells, some: &[usize], foreign: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
+/// Which of some cells belong to something larger than any thin part of a head; where less than half of
+/// its cells stand `free`, to something larger than a face.
+pub(super) fn are_large(cells: &Cells, some: &[usize], free: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
     if some.is_empty() {
         return Vec::new();
     }
@@ -26,19 +28,20 @@ pub(super) fn are_large(cells: &Cells, some: &[usize], foreign: impl Fn(usize) -
         let [x, y, z] = cells.cell(i);
         parts.at(z, y, x).map(|part| part as usize)
     };
-    let foreign = some.par_iter().map(|&i| foreign(i)).collect::<Vec<_>>();
+    let free = some.par_iter().map(|&i| free(i)).collect::<Vec<_>>();
     let mut found = vec![(Bounds::default(), 0, 0); parts.sizes().len()];
-    for (&i, foreign) in some.iter().zip(foreign) {
+    for (&i, free) in some.iter().zip(free) {
         if let Some(part) = part_of(i) {
-            let (bounds, all, foreigners) = &mut found[part];
+            let (bounds, all, all_free) = &mut found[part];
             bounds.add(cells.cell(i));
             *all += 1;
-            *foreigners += usize::from(foreign);
+            *all_free += usize::from(free);
         }
     }
     let is_large = |part: usize| {
-        let (bounds, all, foreigners) = &found[part];
-        bounds.diagonal() * cells.edge > LARGEST_PART_MM && 2 * foreigners >= *all
+        let (bounds, all, all_free) = &found[part];
+        let largest = if 2 * all_free >= *all { LARGEST_PART_MM } else { LARGEST_FACE_MM };
+        bounds.diagonal() * cells.edge > largest
     };
     some.iter().map(|&i| part_of(i).is_some_and(is_large)).collect()
 }
@@ -85,6 +88,6 @@ mod tests {
         let large = are_large(&cells, &all, |_| true);
         assert!(large.iter().enumerate().all(|(i, large)| *large == (i < tube.len())), "{large:?}");
         let own = are_large(&cells, &all, |i| cells.cell(i)[0] < 45);
-        assert!(!own.contains(&true), "too little of it is foreign");
+        assert!(!own.contains(&true), "as small as a face");
     }
 }

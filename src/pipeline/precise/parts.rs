@@ -1,8 +1,8 @@
 //! What hangs on the body: thin pieces, of which ears, nose and jaw are the patient's and holders,
 //! straps, tubes and rods are not.
 //!
-//! The patient's own are small, and what is long of them, as a nose with the wall of a frontal sinus, has
-//! a cavity behind it; a foreign one stands free in the open air.
+//! The patient's own are small; what is longer of them, as a nose with the wall of a frontal sinus, has a
+//! cavity behind it, while a foreign one stands free in the open air.
 
 use std::collections::BTreeMap;
 
@@ -16,6 +16,9 @@ use super::survey::Cells;
 
 /// Ears and noses reach no further from the body, mm.
 const FURTHEST_MM: f64 = 45.0;
+/// What reaches further from no larger foot is a rod or a tube, mm². Of something wider the root would stay;
+/// it is left to the search for ledges.
+const LARGEST_FOOT_MM2: f64 = 120.0;
 /// What stands free is no thicker, mm.
 const THICK_MM: f64 = 12.0;
 /// So many cells tell how far something reaches.
@@ -56,7 +59,8 @@ fn foreign(
     let mut attached: Vec<usize> =
         long.into_iter().zip(is_large).filter(|(_, large)| *large).map(|(i, _)| i).collect();
     for (part, roots) in parts.short {
-        if reach(cells, &part, &roots) > FURTHEST_MM {
+        let foot_mm2 = roots.len() as f64 * cells.edge * cells.edge;
+        if foot_mm2 <= LARGEST_FOOT_MM2 && reach(cells, &part, &roots) > FURTHEST_MM {
             let part: Vec<usize> = part.into_par_iter().filter(in_view).collect();
             let free = part.par_iter().filter(|i| stands_free(**i)).count();
             if 2 * free >= part.len() {
