@@ -222,6 +222,11 @@ mod tests {
         })
     }
 
+    /// A disc of 9 mm, 2.5 mm thick, that falls to the skin over so many mm.
+    fn disc(slope: f64) -> Surface {
+        with(|x, y| 2.5 * ((9.0 - x.hypot(y)) / slope + 0.5).clamp(0.0, 1.0))
+    }
+
     fn found(surface: &Surface) -> Vec<Part> {
         let fill = fill::exact(surface, fill::rough(surface));
         parts(surface, &fill, &vec![false; surface.len()], &kinds::THIN, |kind| kind.ledge)
@@ -242,6 +247,20 @@ mod tests {
     fn what_has_a_ledge_on_one_side_alone_is_not() {
         let parts = found(&plate(70.0, |x, _| x < 60.0));
         assert!(parts.is_empty(), "{:?}", parts.iter().map(|p| (p.nodes.len(), p.ledge)).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn what_slopes_like_an_eyelid_is_no_fiducial() {
+        assert!(!found(&disc(1.0)).is_empty(), "a fiducial");
+        assert!(found(&disc(4.0)).is_empty());
+    }
+
+    #[test]
+    fn what_lies_before_an_ear_canal_may_be_a_tragus() {
+        let surface = disc(1.0);
+        let part = found(&surface).pop().expect("as compact as a fiducial");
+        assert!(is_near(&surface, &part, &[[20.0, 0.0, -5.0]]));
+        assert!(!is_near(&surface, &part, &[[40.0, 0.0, -5.0], [0.0, -45.0, 0.0]]));
     }
 
     /// As large as lips or a nose.
