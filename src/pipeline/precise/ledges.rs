@@ -43,7 +43,8 @@ const BEHIND_MM: f64 = 6.0;
 /// over so much of its area.
 const AS_EARS: f64 = 0.2;
 
-/// A tragus or a wing of the nose is no further than this from where the canal beside it is closed, mm.
+/// A tragus, a wing of the nose and lips are no further than this from where the canal beside them is
+/// closed, mm.
 const TRAGUS_MM: f64 = 20.0;
 
 /// A part of the surface with a ledge around it.

@@ -10,7 +10,8 @@ use super::rows::{Rows, WORD};
 /// centre. `shape` is `[nx, ny, nz]`, x fastest.
 ///
 /// The ball is a stack of rows: each row of the result is the union of the rows around it, each
-/// widened by what is left of the reach there. No structure of the data can make it slow.
+/// widened by what is left of the reach there. The time grows with the square of the reach; no structure of
+/// the data can make it slow.
 pub(super) fn within(shape: [usize; 3], limit: u16, marked: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
     let [nx, ny, nz] = shape;
     let first = Rows::by([nx, ny * nz], marked);

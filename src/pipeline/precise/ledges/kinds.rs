@@ -39,7 +39,7 @@ pub(super) enum Like {
     Nothing,
     /// That stands off the head.
     Ear,
-    /// That lies before an ear canal; and the wings of a nose.
+    /// That lies before an ear canal; and the wings of a nose, and lips.
     Tragus,
 }
 
@@ -144,26 +144,19 @@ const THICK: [Kind; 4] = [
         steep: 0.0,
         like: Like::Ear,
     },
-    Kind {
-        extent_mm: 80.0..95.0,
-        area_mm2: 3000.0,
-        compact: 0.5,
-        flat: 0.0,
-        rim: LYING,
-        ledge: 0.7,
-        roughly: 0.6,
-        steep: 0.0,
-        like: Like::Ear,
-    },
-    Kind {
-        extent_mm: 95.0..f64::INFINITY,
-        area_mm2: 3000.0,
-        compact: 0.5,
-        flat: 0.0,
-        rim: LYING,
-        ledge: 0.7,
-        roughly: 0.6,
-        steep: 0.0,
-        like: Like::Nothing,
-    },
+    THICK_PAD,
+    // As large as the largest ears.
+    Kind { extent_mm: 80.0..95.0, like: Like::Ear, ..THICK_PAD },
 ];
+
+const THICK_PAD: Kind = Kind {
+    extent_mm: 95.0..f64::INFINITY,
+    area_mm2: 3000.0,
+    compact: 0.5,
+    flat: 0.0,
+    rim: LYING,
+    ledge: 0.7,
+    roughly: 0.6,
+    steep: 0.0,
+    like: Like::Nothing,
+};
