@@ -163,6 +163,18 @@ pub enum Error {
     RequestTimeout,
 
     // ---- ourselves ----
+    /// A stored result is not as it was written: its bytes changed, or a file is gone. 0110, 500.
+    #[error(
+        "the stored result of reconstruction {id} is damaged: {damage}; ask for the same reconstruction again \
+         (POST /v1/series/…/reconstructions with its parameters) to have it made again, or bring the data \
+         directory back from a copy, and look after the disk"
+    )]
+    ResultDamaged {
+        /// The reconstruction.
+        id: crate::store::ReconstructionId,
+        /// What is wrong with which file.
+        damage: String,
+    },
     /// A failure of our own: logged with its cause, told without it. 0110, 500.
     #[error("internal error; the service's log has the cause")]
     Internal(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -189,6 +201,14 @@ impl Error {
     /// A failure of our own.
     pub fn internal(cause: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Self {
         Self::Internal(cause.into())
+    }
+
+    /// A file of a reconstruction's result can't be read.
+    pub(crate) fn of_result(id: crate::store::ReconstructionId, error: std::io::Error) -> Self {
+        match crate::store::Damage::of(&error) {
+            Some(damage) => Self::ResultDamaged { id, damage: damage.to_string() },
+            None => error.into(),
+        }
     }
 
     /// The one table from error to DIMSE status and HTTP problem.
@@ -234,6 +254,7 @@ impl Error {
             Self::NoExpectedErrors(_) => ("no-expected-errors", "No expected errors", 0x0110, 409),
             Self::SourceRemoved => ("source-removed", "Source removed", 0x0110, 410),
             Self::RequestTimeout => ("request-timeout", "Request timeout", 0x0110, 408),
+            Self::ResultDamaged { .. } => ("result-damaged", "Result damaged", 0x0110, 500),
             Self::Internal(_) => ("internal", "Internal error", 0x0110, 500),
         };
         Mapping { code, title, dimse_status, http_status }

@@ -14,9 +14,11 @@
 //! | `removing.rs` | removal and retention |
 //! | `catalog/` | all SQL |
 //! | `blobs/` | all files |
+//! | `hashed/` | files of results with the hashes of their blocks |
 
 mod blobs;
 mod catalog;
+mod hashed;
 mod open;
 mod queue;
 mod reading;
@@ -36,6 +38,8 @@ use blobs::Blobs;
 use catalog::Catalog;
 
 pub(crate) use catalog::{Added, Completion, End, NewInstance, Policy, now_ms};
+pub(crate) use hashed::Damage;
+pub use hashed::HashedFile;
 pub use open::OpenError;
 pub use queue::{Claim, Fault, Heartbeat, Lease, Outcome, Reclaim};
 pub use reading::StoredInstances;

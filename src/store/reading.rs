@@ -9,7 +9,7 @@ use super::records::{
     InstanceRecord, Page, ReconstructionFilter, ReconstructionId, ReconstructionRecord, Refused,
     SeriesFilter, SeriesRecord,
 };
-use super::{Store, blocking};
+use super::{Damage, HashedFile, Store, blocking, hashed};
 use crate::dicom::series::unfit_detail;
 use crate::dicom::source::InstanceSource;
 use crate::dicom::uid::SeriesInstanceUid;
@@ -134,27 +134,37 @@ impl Store {
     /// The stored cloud (binary PLY, LPS mm) of one plane, or for `None` the triplanar one.
     ///
     /// # Errors
-    /// No such reconstruction; one that has no cloud (yet).
+    /// Those of [`Store::open_cloud`].
     pub async fn cloud(&self, id: ReconstructionId, plane: Option<Plane>) -> Result<Vec<u8>> {
+        let file = self.open_cloud(id, plane).await?;
+        blocking(move || file.whole().map_err(|error| Error::of_result(id, error))).await
+    }
+
+    /// The same, to be read block by block.
+    ///
+    /// # Errors
+    /// No such reconstruction; one that has no cloud (yet); [`Error::ResultDamaged`].
+    pub async fn open_cloud(&self, id: ReconstructionId, plane: Option<Plane>) -> Result<HashedFile> {
         let record = self.existing(id).await?;
         if !record.state.has_cloud() {
             let detail = "only a succeeded one has a cloud; see its state, error and report".to_owned();
             return Err(Error::ReconstructionState { state: record.state.name(), detail });
         }
-        self.result_blob(id, &cloud_name(plane)).await
+        self.result_file(id, &cloud_name(plane)).await
     }
 
     /// The stored report (JSON).
     ///
     /// # Errors
-    /// No such reconstruction; one that has no report (yet).
+    /// No such reconstruction; one that has no report (yet); [`Error::ResultDamaged`].
     pub async fn report(&self, id: ReconstructionId) -> Result<Vec<u8>> {
         let record = self.existing(id).await?;
         if !record.has_report {
             let detail = "it has no report; see its state and error".to_owned();
             return Err(Error::ReconstructionState { state: record.state.name(), detail });
         }
-        self.result_blob(id, REPORT).await
+        let file = self.result_file(id, REPORT).await?;
+        blocking(move || file.whole().map_err(|error| Error::of_result(id, error))).await
     }
 
     async fn existing(&self, id: ReconstructionId) -> Result<ReconstructionRecord> {
@@ -162,16 +172,36 @@ impl Store {
         record.ok_or_else(|| Error::NotFound { what: "reconstruction", id: id.to_string() })
     }
 
-    async fn result_blob(&self, id: ReconstructionId, name: &str) -> Result<Vec<u8>> {
+    /// A file of a result. One that is gone although the row still names it is damage.
+    async fn result_file(&self, id: ReconstructionId, name: &str) -> Result<HashedFile> {
         let removed = || Error::NotFound { what: "reconstruction", id: id.to_string() };
         let prefix = self.0.catalog.result_of(id).await?.ok_or_else(removed)?;
-        let (blobs, key) = (Arc::clone(&self.0.blobs), format!("{prefix}/{name}"));
-        // A blob that is gone was removed since its row was read.
-        let bytes = blocking(move || match blobs.read(&key) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-            read => Ok(Some(read?)),
-        });
-        bytes.await?.ok_or_else(removed)
+        let (blobs, place, file) = (Arc::clone(&self.0.blobs), prefix.clone(), name.to_owned());
+        let opened = blocking(move || Ok(hashed::open(&*blobs, &place, &file, result_names()))).await?;
+        let error = match opened {
+            Ok(file) => return Ok(file),
+            Err(error) => error,
+        };
+        // The row tells whether it was removed since it was read.
+        let named = self.0.catalog.result_of(id).await?;
+        Err(if named == Some(prefix) { Error::of_result(id, error) } else { removed() })
+    }
+
+    /// Where the result of a reconstruction lies, if one of its files is damaged.
+    pub(super) async fn damaged_result(&self, record: &ReconstructionRecord) -> Result<Option<String>> {
+        let Some(prefix) = self.0.catalog.result_of(record.id).await? else { return Ok(None) };
+        let blobs = Arc::clone(&self.0.blobs);
+        blocking(move || {
+            for name in required_names() {
+                let file = hashed::open(&*blobs, &prefix, &name, result_names());
+                match file.and_then(HashedFile::check) {
+                    Err(error) if Damage::of(&error).is_some() => return Ok(Some(prefix)),
+                    checked => checked?,
+                }
+            }
+            Ok(None)
+        })
+        .await
     }
 }
 
@@ -183,8 +213,13 @@ pub(super) fn cloud_name(plane: Option<Plane>) -> String {
     format!("{}.ply", plane.map_or("triplanar", Plane::name))
 }
 
-/// Names of all blobs that a result can have.
+/// Names of all files that a result can have, without those of their hashes.
 pub(super) fn result_names() -> impl Iterator<Item = String> {
+    required_names()
+}
+
+/// Names of the files that the result of every reconstruction with a cloud has.
+fn required_names() -> impl Iterator<Item = String> {
     let planes = std::iter::once(None).chain(Plane::ALL.map(Some));
     planes.map(cloud_name).chain(std::iter::once(REPORT.to_owned()))
 }

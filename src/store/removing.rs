@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::catalog::Removed;
 use super::reading::result_names;
-use super::{ReconstructionId, Store, blocking};
+use super::{ReconstructionId, Store, blocking, hashed};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
 
@@ -83,7 +83,7 @@ impl Store {
             }
             for prefix in removed.results {
                 for name in result_names() {
-                    blobs.remove(&format!("{prefix}/{name}"))?;
+                    hashed::remove(&*blobs, &format!("{prefix}/{name}"))?;
                 }
             }
             Ok(())

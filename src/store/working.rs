@@ -7,7 +7,7 @@ use super::reading::{REPORT, cloud_name};
 use super::{
     Claim, Fault, Heartbeat, Lease, Outcome, Reclaim, ReconstructionId, ReconstructionRecord, Store,
 };
-use super::{blobs, blocking};
+use super::{blocking, hashed};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
 use crate::pipeline::{Parameters, Stage};
@@ -15,8 +15,8 @@ use crate::pipeline::{Parameters, Stage};
 impl Store {
     /// Asks for a reconstruction of a complete series. The same instances and parameters again
     /// are the same reconstruction: one that failed or was cancelled is queued again under its id,
-    /// with its attempts counted from zero; any other is returned as it is. True if this call
-    /// queued it.
+    /// with its attempts counted from zero, and so is one whose result is found damaged; any other is
+    /// returned as it is. True if this call queued it.
     ///
     /// # Errors
     /// No such series, one that is not complete or can't be reconstructed, a full queue
@@ -27,7 +27,19 @@ impl Store {
         parameters: &Parameters,
         max_queued: u64,
     ) -> Result<(ReconstructionRecord, bool)> {
-        self.0.catalog.enqueue(uid, parameters, max_queued).await
+        let (record, new) = self.0.catalog.enqueue(uid, parameters, max_queued).await?;
+        if new || !record.state.has_cloud() {
+            return Ok((record, new));
+        }
+        let Some(prefix) = self.damaged_result(&record).await? else { return Ok((record, false)) };
+        // Without its sources it can't be made again: then what is left of it stays.
+        self.instances_of(&record).await?;
+        let remade = self.0.catalog.remake(record.id, &prefix, max_queued).await?;
+        if remade.1 {
+            tracing::warn!(reconstruction = %record.id, "its result is damaged; it is made again");
+            self.remove_results(vec![prefix]).await?;
+        }
+        Ok(remade)
     }
 
     /// Takes the reconstruction that waited longest and is due, and counts an attempt. `worker`
@@ -152,14 +164,14 @@ impl Store {
         self.0.catalog.queued().await
     }
 
-    /// Makes the files of a result durable. Each lease writes to a place of its own: one that was
+    /// Makes the files of a result durable, each with the hashes of its blocks. Each lease writes to a place of its own: one that was
     /// lost can't touch what its successor wrote.
     async fn write_result(&self, lease: &Lease, files: Vec<(String, Vec<u8>)>) -> Result<String> {
         let prefix = format!("results/{}/{}", lease.id, lease.fence);
         let (store, folder) = (Arc::clone(&self.0.blobs), prefix.clone());
         blocking(move || {
             for (name, bytes) in files {
-                blobs::put(&*store, &format!("{folder}/{name}"), &bytes)?;
+                hashed::put(&*store, &format!("{folder}/{name}"), &bytes)?;
             }
             Ok(())
         })

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-use super::Blobs;
+use super::{Blobs, ReadBlob};
 
 /// Files are collected here before they are renamed to their key, on the same file system.
 const INCOMING: &str = "incoming";
@@ -85,6 +85,10 @@ impl Blobs for Files {
 
     fn read(&self, key: &str) -> io::Result<Vec<u8>> {
         fs::read(self.root.join(key))
+    }
+
+    fn open(&self, key: &str) -> io::Result<Box<dyn ReadBlob>> {
+        Ok(Box::new(File::open(self.root.join(key))?))
     }
 
     fn remove(&self, key: &str) -> io::Result<()> {

@@ -5,11 +5,16 @@
 mod files;
 
 use std::fmt::Debug;
-use std::io;
+use std::io::{self, Read, Seek};
 
 use tempfile::NamedTempFile;
 
 pub(crate) use files::Files;
+
+/// The bytes of a blob, to be read piece by piece.
+pub(crate) trait ReadBlob: Read + Seek + Debug + Send {}
+
+impl ReadBlob for std::fs::File {}
 
 /// Where blobs are kept. Synchronous: called from blocking threads. Keys are relative paths with
 /// `/`, made by us, never by a sender.
@@ -21,6 +26,8 @@ pub(crate) trait Blobs: Debug + Send + Sync {
     fn adopt(&self, file: NamedTempFile, key: &str) -> io::Result<()>;
     /// The whole blob.
     fn read(&self, key: &str) -> io::Result<Vec<u8>>;
+    /// The blob, to be read piece by piece.
+    fn open(&self, key: &str) -> io::Result<Box<dyn ReadBlob>>;
     /// Removes a blob; one that isn't there is no error.
     fn remove(&self, key: &str) -> io::Result<()>;
     /// Every key.

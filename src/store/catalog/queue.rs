@@ -73,6 +73,35 @@ impl Catalog {
         Ok((record, queued))
     }
 
+    /// Queues a reconstruction again whose result, the one at `prefix`, is damaged. Returns it as it
+    /// is then, and whether this call queued it: not if it has another result meanwhile.
+    pub(crate) async fn remake(
+        &self,
+        id: ReconstructionId,
+        prefix: &str,
+        max_queued: u64,
+    ) -> Result<(ReconstructionRecord, bool)> {
+        let mut tx = self.begin().await?;
+        if count_queued(&mut tx).await? >= super::instances::signed(max_queued) {
+            return Err(Error::Busy("the queue of reconstructions is full (jobs.max_queued)"));
+        }
+        let named: Option<String> = sqlx::query_scalar(
+            "SELECT result FROM reconstructions WHERE id = $1 AND state IN ('succeeded', 'superseded')",
+        )
+        .bind(id.to_string())
+        .fetch_optional(&mut *tx)
+        .await?
+        .flatten();
+        let ours = named.as_deref() == Some(prefix);
+        if ours {
+            queue_again(&mut tx, id, now_ms()).await?;
+        }
+        let record = reconstructions::one(&mut tx, id).await?;
+        tx.commit().await?;
+        let record = record.ok_or_else(|| Error::NotFound { what: "reconstruction", id: id.to_string() })?;
+        Ok((record, ours))
+    }
+
     /// See `Store::claim`.
     pub(crate) async fn claim(&self, worker: &str, lease: Duration) -> Result<Option<Claim>> {
         let now = now_ms();
@@ -153,17 +182,7 @@ pub(super) async fn enqueue(
         return Ok(Enqueued::Full);
     }
     if let Some(id) = again {
-        sqlx::query(
-            "UPDATE reconstructions SET state = 'queued', stage = NULL, fraction = 0.0, attempts = 0, \
-             error_code = NULL, error_detail = NULL, error_instances = '[]', result = NULL, has_report = FALSE, \
-             software = $3, started_ms = NULL, finished_ms = NULL, not_before_ms = $2, cancel_requested = FALSE \
-             WHERE id = $1",
-        )
-        .bind(id.to_string())
-        .bind(now)
-        .bind(crate::SOFTWARE)
-        .execute(connection)
-        .await?;
+        queue_again(connection, id, now).await?;
         return Ok(Enqueued::Queued(id));
     }
     let id = ReconstructionId::new();
@@ -186,6 +205,22 @@ pub(super) async fn enqueue(
     .execute(connection)
     .await?;
     Ok(Enqueued::Queued(id))
+}
+
+/// Makes a reconstruction that has ended wait for a worker again, as if it were new.
+async fn queue_again(connection: &mut Connection, id: ReconstructionId, now: i64) -> Result<()> {
+    sqlx::query(
+        "UPDATE reconstructions SET state = 'queued', stage = NULL, fraction = 0.0, attempts = 0, \
+         error_code = NULL, error_detail = NULL, error_instances = '[]', result = NULL, has_report = FALSE, \
+         superseded_by = NULL, software = $3, started_ms = NULL, finished_ms = NULL, not_before_ms = $2, cancel_requested = FALSE \
+         WHERE id = $1",
+    )
+    .bind(id.to_string())
+    .bind(now)
+    .bind(crate::SOFTWARE)
+    .execute(connection)
+    .await?;
+    Ok(())
 }
 
 async fn count_queued(connection: &mut Connection) -> Result<i64> {
