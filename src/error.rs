@@ -175,6 +175,17 @@ pub enum Error {
         /// What is wrong with which file.
         damage: String,
     },
+    /// Something stored that this version of the software can't understand: a later one wrote it, or
+    /// it is damaged. 0110, 500.
+    #[error("{what} {id} can't be understood by this version of the software: {detail}")]
+    Unreadable {
+        /// What it is: `reconstruction`, `series`, …
+        what: &'static str,
+        /// Its id.
+        id: String,
+        /// Which part of it and why.
+        detail: String,
+    },
     /// A failure of our own: logged with its cause, told without it. 0110, 500.
     #[error("internal error; the service's log has the cause")]
     Internal(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -255,6 +266,7 @@ impl Error {
             Self::SourceRemoved => ("source-removed", "Source removed", 0x0110, 410),
             Self::RequestTimeout => ("request-timeout", "Request timeout", 0x0110, 408),
             Self::ResultDamaged { .. } => ("result-damaged", "Result damaged", 0x0110, 500),
+            Self::Unreadable { .. } => ("unreadable", "Stored by another version", 0x0110, 500),
             Self::Internal(_) => ("internal", "Internal error", 0x0110, 500),
         };
         Mapping { code, title, dimse_status, http_status }

@@ -9,7 +9,7 @@ use crate::pipeline::precise::Quality;
 use crate::pipeline::{Figures, Parameters, Stage};
 use crate::store::{
     CompleteReason, Page, ReconstructionId, ReconstructionRecord, ReconstructionState, Refused, SeriesRecord,
-    SeriesState, UnfitReason,
+    SeriesState, UnfitReason, UnreadableRow,
 };
 
 /// A series.
@@ -131,6 +131,10 @@ pub(super) struct ReconstructionView {
     pub superseded_by: Option<ReconstructionId>,
     /// Software that made it.
     pub software: String,
+    /// The algorithm that made it and its version. Asking again after an upgrade that changed it makes
+    /// another reconstruction; this one stays.
+    #[schema(examples("precise/1"))]
+    pub algorithm: String,
     /// The figures of the result.
     pub figures: Option<Figures>,
     /// How far the result can be trusted: verdict, its reasons and what was measured. Profile
@@ -186,6 +190,10 @@ pub(super) struct ReconstructionLinks {
 pub(super) struct PageView<T: ToSchema> {
     /// The rows.
     pub items: Vec<T>,
+    /// Rows that this version of the software can't understand: a later one wrote them, or they are
+    /// damaged. Left out where there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unreadable: Vec<UnreadableRow>,
     /// Ask for the next page with `cursor=` this; `null` on the last one.
     pub next_cursor: Option<String>,
 }
@@ -264,6 +272,7 @@ impl From<ReconstructionRecord> for ReconstructionView {
             }),
             superseded_by: record.superseded_by,
             software: record.software,
+            algorithm: record.algorithm,
             figures: record.figures,
             quality: record.quality,
             created: time(record.created_ms),
@@ -275,6 +284,10 @@ impl From<ReconstructionRecord> for ReconstructionView {
 
 impl<R, T: ToSchema + From<R>> From<Page<R>> for PageView<T> {
     fn from(page: Page<R>) -> Self {
-        Self { items: page.rows.into_iter().map(T::from).collect(), next_cursor: page.next_cursor }
+        Self {
+            items: page.rows.into_iter().map(T::from).collect(),
+            unreadable: page.unreadable,
+            next_cursor: page.next_cursor,
+        }
     }
 }

@@ -8,7 +8,7 @@ use super::watch::{Stop, Watch};
 use crate::error::Result;
 use crate::pipeline::{Observer, Stage};
 use crate::reconstruction::{Failure, Product, Report};
-use crate::store::{Claim, Fault, Outcome};
+use crate::store::{Claim, Fault, Outcome, report_json};
 
 /// How often writing down an end is tried before the claim is left to run out.
 const TRIES: u32 = 10;
@@ -43,7 +43,7 @@ impl Shared {
     async fn succeed(&self, claim: &Claim, watch: &Watch, product: Product) {
         watch.progress(Stage::Writing, 0.0);
         let outcome = Outcome {
-            report: product.report.to_json(),
+            report: report_json::write(&product.report),
             figures: product.report.figures.clone(),
             quality: product.report.quality.clone(),
             clouds: product.clouds.into(),
@@ -84,7 +84,7 @@ impl Shared {
             if let Some(report) = &failure.report {
                 self.count_rejections(report);
             }
-            let report = failure.report.map(|report| report.to_json());
+            let report = failure.report.map(|report| report_json::write(&report));
             self.end(claim, &End::Failed(&fault, report)).await;
         }
     }

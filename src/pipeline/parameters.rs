@@ -40,6 +40,19 @@ impl Profile {
             Self::Precise => "precise",
         }
     }
+
+    /// The algorithm that runs under the profile and its version, as results carry it.
+    ///
+    /// The version is raised by hand with every change after which the same instances and
+    /// parameters give other vertices or other rows in the report: results of an earlier version are
+    /// served as they are, and asking for them again makes new ones.
+    #[must_use]
+    pub fn algorithm(self) -> &'static str {
+        match self {
+            Self::Paper => "paper/1",
+            Self::Precise => "precise/1",
+        }
+    }
 }
 
 /// The parameters of one reconstruction. Two jobs on the same instances with equal parameters are
@@ -161,6 +174,23 @@ impl Parameters {
     #[must_use]
     pub fn precise() -> Self {
         Self { profile: Profile::Precise, ..Self::default() }
+    }
+
+    /// The same with what has no effect under the profile at its default.
+    #[must_use]
+    pub fn effective(&self) -> Self {
+        let default = Self::default();
+        match self.profile {
+            Profile::Paper => Self { quality: default.quality, ..self.clone() },
+            Profile::Precise => Self {
+                hu_min: default.hu_min,
+                hu_max: default.hu_max,
+                radius_outlier: default.radius_outlier,
+                statistical_outlier: default.statistical_outlier,
+                thresholds: default.thresholds,
+                ..self.clone()
+            },
+        }
     }
 
     /// Checks that what differs from the `configured` parameters has an effect.

@@ -16,6 +16,10 @@ use crate::pipeline::{Decision, Figures, Parameters, Reason, SliceRow, slices};
 pub struct Report {
     /// Name and version of the software that made it.
     pub software: String,
+    /// The algorithm and its version, e.g. `precise/1`; absent from reports of 0.1, whose algorithms
+    /// are version 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub algorithm: Option<String>,
     /// What was reconstructed.
     pub identity: Identity,
     /// The parameters that were used, all of them.
@@ -147,6 +151,7 @@ impl Report {
         let slices: Vec<_> = rows.iter().map(|row| ReportRow::new(row, volume)).collect();
         Self {
             software: crate::SOFTWARE.to_owned(),
+            algorithm: Some(parameters.profile.algorithm().to_owned()),
             identity: Identity {
                 study_instance_uid: volume.identity.study_instance_uid.clone(),
                 series_instance_uid: volume.identity.series_instance_uid.clone(),

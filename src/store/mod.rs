@@ -12,6 +12,7 @@
 //! | `receiving.rs` | what only the intake does |
 //! | `working.rs` | what only the job workers do |
 //! | `removing.rs` | removal and retention |
+//! | `stored/` | what rows and result files hold, by schema |
 //! | `catalog/` | all SQL |
 //! | `blobs/` | all files |
 //! | `hashed/` | files of results with the hashes of their blocks |
@@ -25,6 +26,7 @@ mod reading;
 mod receiving;
 mod records;
 mod removing;
+mod stored;
 mod working;
 
 use std::fs::File;
@@ -46,9 +48,10 @@ pub use reading::StoredInstances;
 pub(crate) use receiving::Staged;
 pub use records::{
     CompleteReason, InstanceRecord, Page, ReconstructionFilter, ReconstructionId, ReconstructionRecord,
-    ReconstructionState, Refused, SeriesFilter, SeriesRecord, SeriesState, UnfitReason,
+    ReconstructionState, Refused, SeriesFilter, SeriesRecord, SeriesState, UnfitReason, UnreadableRow,
 };
 pub use removing::Swept;
+pub(crate) use stored::report_json;
 
 /// Catalog and blobs of one data directory. Cheap to clone.
 #[derive(Debug, Clone)]

@@ -77,6 +77,7 @@ impl Store {
                 OpenError::Newer { path: config.data_dir.clone(), found, known }
             }
             SchemaError::Database(error) => unusable(error.into()),
+            SchemaError::Rows(error) => unusable(error.into()),
         })?;
         let store = Self(Arc::new(Inner {
             catalog,

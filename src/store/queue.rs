@@ -42,7 +42,7 @@ pub enum Heartbeat {
 pub struct Outcome {
     /// Binary PLY in LPS of each plane, `None` being the triplanar one; all four.
     pub clouds: Vec<(Option<Plane>, Vec<u8>)>,
-    /// The report as JSON.
+    /// The report as it is stored.
     pub report: Vec<u8>,
     /// The figures for the catalog.
     pub figures: Figures,

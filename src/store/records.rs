@@ -251,6 +251,8 @@ pub struct ReconstructionRecord {
     pub superseded_by: Option<ReconstructionId>,
     /// Software that made it.
     pub software: String,
+    /// The algorithm that made it and its version, e.g. `precise/1`.
+    pub algorithm: String,
     /// Figures of the result.
     pub figures: Option<Figures>,
     /// How far the result can be trusted, where its profile tells.
@@ -287,11 +289,22 @@ pub struct ReconstructionFilter {
     pub state: Option<ReconstructionState>,
 }
 
+/// A row that this version of the software can't understand: a later one wrote it, or it is damaged.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, utoipa::ToSchema)]
+pub struct UnreadableRow {
+    /// Its id.
+    pub id: String,
+    /// Why, and what to do next.
+    pub detail: String,
+}
+
 /// One page of a list, newest first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Page<T> {
     /// The rows.
     pub rows: Vec<T>,
+    /// What stands in its place but can't be understood by this version of the software.
+    pub unreadable: Vec<UnreadableRow>,
     /// Opaque; asks for the next page. `None` on the last one.
     pub next_cursor: Option<String>,
 }

@@ -4,12 +4,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::reading::{REPORT, cloud_name};
+use super::stored::{figure_json, quality_json};
 use super::{
     Claim, Fault, Heartbeat, Lease, Outcome, Reclaim, ReconstructionId, ReconstructionRecord, Store,
 };
 use super::{blocking, hashed};
 use crate::dicom::uid::SeriesInstanceUid;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::pipeline::{Parameters, Stage};
 
 impl Store {
@@ -72,9 +73,8 @@ impl Store {
     /// # Errors
     /// A full disk, the catalog's own. The lease holds on.
     pub async fn finish_success(&self, lease: &Lease, outcome: &Outcome) -> Result<bool> {
-        let figures = serde_json::to_string(&outcome.figures).map_err(Error::internal)?;
-        let quality =
-            outcome.quality.as_ref().map(serde_json::to_string).transpose().map_err(Error::internal)?;
+        let figures = figure_json::write(&outcome.figures);
+        let quality = outcome.quality.as_ref().map(quality_json::write);
         let mut files: Vec<(String, Vec<u8>)> =
             outcome.clouds.iter().map(|(plane, bytes)| (cloud_name(*plane), bytes.clone())).collect();
         files.push((REPORT.to_owned(), outcome.report.clone()));

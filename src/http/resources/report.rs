@@ -13,7 +13,7 @@ use crate::http::media_type::negotiate;
 use crate::http::representation::Representation;
 use crate::jobs::refused_instances;
 use crate::reconstruction::Report;
-use crate::store::ReconstructionRecord;
+use crate::store::{ReconstructionRecord, report_json};
 
 const JSON: &str = "application/json";
 const CSV: &str = "text/csv";
@@ -102,7 +102,11 @@ async fn serve(
     // What was refused after the reconstruction had ended belongs to its report too.
     let refused = refused_instances(context.store.refused(&record.series_instance_uid).await?);
     off_the_runtime(move || {
-        let mut report: Report = serde_json::from_slice(&stored).map_err(Error::internal)?;
+        let mut report = report_json::read(&stored).map_err(|why| Error::Unreadable {
+            what: "the report of reconstruction",
+            id: record.id.to_string(),
+            detail: why.to_string(),
+        })?;
         report.refused = refused;
         let (bytes, media_type, file_name) = if as_csv {
             let name = format!("triplanar-{}.csv", record.id);

@@ -23,9 +23,12 @@ pub(super) type Pool = sqlx::Pool<Db>;
 /// that somebody wrote in between.
 pub(super) const BEGIN_WRITING: &str = "BEGIN IMMEDIATE";
 
-/// The schema, one step after the other; a released step is never changed.
-pub(super) const MIGRATIONS: &[&str] =
-    &[include_str!("schema/sqlite/0001_catalog.sql"), include_str!("schema/sqlite/0002_quality.sql")];
+/// The schema, one numbered step after the other; a released step is never changed.
+pub(super) const MIGRATIONS: &[(i64, &str)] = &[
+    (1, include_str!("schema/sqlite/0001_catalog.sql")),
+    (2, include_str!("schema/sqlite/0002_quality.sql")),
+    (5, include_str!("schema/sqlite/0005_results.sql")),
+];
 
 /// Readers don't wait for the writer (write-ahead log).
 const READERS: u32 = 4;

@@ -178,6 +178,7 @@ impl Catalog {
         .fetch_all(&mut *tx)
         .await?;
         tx.commit().await?;
-        Ok(changed.iter().map(rows::reconstruction).collect::<Result<_, _>>()?)
+        // One that can't be understood is told of when it is claimed.
+        Ok(changed.iter().filter_map(|row| rows::reconstruction(row).ok()).collect())
     }
 }

@@ -6,6 +6,7 @@
 
 mod completion;
 mod dialect;
+mod identity;
 mod instances;
 mod leases;
 mod queue;
@@ -41,7 +42,10 @@ impl Catalog {
     /// Opens the file, or makes it, and brings it to this version's schema.
     pub(crate) async fn open(file: &Path) -> Result<Self, SchemaError> {
         let (writer, readers) = dialect::open(file).await?;
-        schema::migrate(&mut *writer.acquire().await?).await?;
+        let mut connection = writer.acquire().await?;
+        schema::migrate(&mut connection).await?;
+        identity::refresh(&mut connection).await?;
+        drop(connection);
         Ok(Self { writer, readers, process: Uuid::new_v4().to_string() })
     }
 

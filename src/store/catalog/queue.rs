@@ -3,7 +3,6 @@
 
 use std::time::Duration;
 
-use sha2::{Digest as _, Sha256};
 use sqlx::Row as _;
 
 use super::dialect::Connection;
@@ -13,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::pipeline::Parameters;
 use crate::store::queue::{Claim, Lease};
 use crate::store::records::{ReconstructionId, ReconstructionRecord, ReconstructionState, SeriesState};
+use crate::store::stored::{identity_sha256, parameter_json, settings_sha256};
 
 /// A reconstruction that is asked for.
 pub(super) struct Wanted<'a> {
@@ -118,9 +118,17 @@ impl Catalog {
         .bind(now)
         .fetch_optional(&mut *tx)
         .await?;
-        tx.commit().await?;
         let Some(row) = row else { return Ok(None) };
-        let reconstruction = rows::reconstruction(&row)?;
+        let reconstruction = match rows::reconstruction(&row) {
+            Ok(reconstruction) => reconstruction,
+            Err(unreadable) => {
+                // It would come up again and again, and keep all others waiting.
+                fail_unreadable(&mut tx, row.try_get("id")?, &unreadable, now).await?;
+                tx.commit().await?;
+                return Err(unreadable);
+            }
+        };
+        tx.commit().await?;
         let lease = Lease { id: reconstruction.id, fence: row.try_get("fence")? };
         Ok(Some(Claim { lease, reconstruction }))
     }
@@ -186,20 +194,21 @@ pub(super) async fn enqueue(
         return Ok(Enqueued::Queued(id));
     }
     let id = ReconstructionId::new();
-    let parameters = parameters_json(wanted.parameters)?;
     sqlx::query(
         "INSERT INTO reconstructions (id, series_uid, revision, instances_sha256, instances, parameters, \
-         parameters_sha256, software, state, fraction, attempts, error_instances, has_report, created_ms, \
+         parameters_sha256, settings_sha256, algorithm, software, state, fraction, attempts, error_instances, has_report, created_ms, \
          not_before_ms, fence, cancel_requested) \
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, 'queued', 0.0, 0, '[]', FALSE, $9, $9, 0, FALSE)",
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, 'queued', 0.0, 0, '[]', FALSE, $11, $11, 0, FALSE)",
     )
     .bind(id.to_string())
     .bind(wanted.series.as_str())
     .bind(i64::from(wanted.revision))
     .bind(wanted.set.as_slice())
     .bind(wanted.instances)
-    .bind(&parameters)
-    .bind(parameters_sha256(&parameters).as_slice())
+    .bind(parameter_json::write(wanted.parameters))
+    .bind(identity_sha256(wanted.parameters).as_slice())
+    .bind(settings_sha256(wanted.parameters).as_slice())
+    .bind(wanted.parameters.profile.algorithm())
     .bind(crate::SOFTWARE)
     .bind(now)
     .execute(connection)
@@ -223,20 +232,25 @@ async fn queue_again(connection: &mut Connection, id: ReconstructionId, now: i64
     Ok(())
 }
 
+/// Ends a job whose row this software can't understand.
+async fn fail_unreadable(connection: &mut Connection, id: &str, why: &Error, now: i64) -> Result<()> {
+    sqlx::query(
+        "UPDATE reconstructions SET state = 'failed', stage = NULL, fraction = 0.0, error_code = $2, \
+         error_detail = $3, finished_ms = $4, worker = NULL, lease_until_ms = NULL WHERE id = $1",
+    )
+    .bind(id)
+    .bind(why.mapping().code.replace('-', "_"))
+    .bind(why.to_string())
+    .bind(now)
+    .execute(connection)
+    .await?;
+    Ok(())
+}
+
 async fn count_queued(connection: &mut Connection) -> Result<i64> {
     Ok(sqlx::query_scalar("SELECT COUNT(*) FROM reconstructions WHERE state = 'queued'")
         .fetch_one(connection)
         .await?)
-}
-
-/// The parameters' one text: fields in the order of their declaration.
-pub(super) fn parameters_json(parameters: &Parameters) -> Result<String> {
-    serde_json::to_string(parameters).map_err(Error::internal)
-}
-
-/// Identity of parameters.
-pub(super) fn parameters_sha256(json: &str) -> [u8; 32] {
-    Sha256::digest(json.as_bytes()).into()
 }
 
 /// For a column of times.

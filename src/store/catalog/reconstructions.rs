@@ -3,13 +3,13 @@
 use sqlx::Row as _;
 
 use super::dialect::{Connection, Row};
-use super::queue::{parameters_json, parameters_sha256};
 use super::series::invalid_cursor;
 use super::{Catalog, Removed, rows};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
 use crate::pipeline::Parameters;
 use crate::store::records::{Page, ReconstructionFilter, ReconstructionId, ReconstructionRecord};
+use crate::store::stored::identity_sha256;
 
 impl Catalog {
     pub(crate) async fn reconstruction(&self, id: ReconstructionId) -> Result<Option<ReconstructionRecord>> {
@@ -34,7 +34,7 @@ impl Catalog {
         .bind(i64::from(limit) + 1)
         .fetch_all(&self.readers)
         .await?;
-        Ok(rows::page(&found, limit, rows::reconstruction, |last| last.id.to_string())?)
+        rows::page(&found, limit, rows::reconstruction, |last| Ok(last.try_get("id")?))
     }
 
     /// That of the highest revision, and of those the one finished last.
@@ -49,7 +49,7 @@ impl Catalog {
         .bind(uid.as_str())
         .fetch_optional(&self.readers)
         .await?;
-        Ok(row.as_ref().map(rows::reconstruction).transpose()?)
+        row.as_ref().map(rows::reconstruction).transpose()
     }
 
     /// Prefix of its blobs, if it has any.
@@ -87,7 +87,7 @@ pub(super) async fn one(
         .bind(id.to_string())
         .fetch_optional(connection)
         .await?;
-    Ok(row.as_ref().map(rows::reconstruction).transpose()?)
+    row.as_ref().map(rows::reconstruction).transpose()
 }
 
 /// The one of this set of instances with these parameters.
@@ -102,35 +102,36 @@ pub(super) async fn id_of(
     )
     .bind(series.as_str())
     .bind(set.as_slice())
-    .bind(parameters_sha256(&parameters_json(parameters)?).as_slice())
+    .bind(identity_sha256(parameters).as_slice())
     .fetch_optional(connection)
     .await?;
     Ok(row.map(|row| rows::parsed(&row, "id")).transpose()?)
 }
 
 /// `succeeded` has just succeeded: those of earlier revisions with its parameters are superseded by
-/// it; it is itself superseded if one of a later revision was faster.
+/// it, whatever the version of the algorithm that made them; it is itself superseded if one of a later
+/// revision was faster.
 pub(super) async fn supersede(connection: &mut Connection, succeeded: &Row) -> Result<()> {
     let id: &str = succeeded.try_get("id")?;
     let series: &str = succeeded.try_get("series_uid")?;
-    let parameters: &[u8] = succeeded.try_get("parameters_sha256")?;
+    let settings: &[u8] = succeeded.try_get("settings_sha256")?;
     let revision: i64 = succeeded.try_get("revision")?;
     sqlx::query(
         "UPDATE reconstructions SET state = 'superseded', superseded_by = $1 \
-         WHERE series_uid = $2 AND parameters_sha256 = $3 AND revision < $4 AND state = 'succeeded'",
+         WHERE series_uid = $2 AND settings_sha256 = $3 AND revision < $4 AND state = 'succeeded'",
     )
     .bind(id)
     .bind(series)
-    .bind(parameters)
+    .bind(settings)
     .bind(revision)
     .execute(&mut *connection)
     .await?;
     let later: Option<String> = sqlx::query_scalar(
-        "SELECT id FROM reconstructions WHERE series_uid = $1 AND parameters_sha256 = $2 AND revision > $3 \
+        "SELECT id FROM reconstructions WHERE series_uid = $1 AND settings_sha256 = $2 AND revision > $3 \
          AND state = 'succeeded' ORDER BY revision DESC LIMIT 1",
     )
     .bind(series)
-    .bind(parameters)
+    .bind(settings)
     .bind(revision)
     .fetch_optional(&mut *connection)
     .await?;

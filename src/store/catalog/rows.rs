@@ -8,13 +8,16 @@ use sqlx::error::BoxDynError;
 
 use super::dialect::Row;
 use crate::dicom::header::InstanceHeader;
+use crate::error::Error;
 use crate::pipeline::Stage;
 use crate::store::records::{
     CompleteReason, InstanceRecord, ReconstructionRecord, ReconstructionState, Refused, SeriesRecord,
-    SeriesState, UnfitReason,
+    SeriesState, UnfitReason, UnreadableRow,
 };
+use crate::store::stored::{Unreadable, figure_json, parameter_json, quality_json};
 
-type Result<T> = std::result::Result<T, sqlx::Error>;
+type Result<T, E = sqlx::Error> = std::result::Result<T, E>;
+type Readable<T> = std::result::Result<T, Unreadable>;
 
 fn decode_error(column: &str, source: impl Into<BoxDynError>) -> sqlx::Error {
     sqlx::Error::ColumnDecode { index: column.to_owned(), source: source.into() }
@@ -65,15 +68,35 @@ pub(super) fn sha256(row: &Row, column: &str) -> Result<[u8; 32]> {
     bytes.try_into().map_err(|_| decode_error(column, "not 32 bytes"))
 }
 
-/// JSON of a value of ours.
-fn json<T: serde::de::DeserializeOwned>(row: &Row, column: &str) -> Result<T> {
-    let text: &str = row.try_get(column)?;
-    serde_json::from_str(text).map_err(|error| decode_error(column, error))
+/// Stored JSON, by the reader of its kind.
+fn stored<T>(row: &Row, column: &str, read: impl Fn(&str) -> Readable<T>) -> Result<T> {
+    read(row.try_get(column)?).map_err(|why| decode_error(column, why))
 }
 
-fn maybe_json<T: serde::de::DeserializeOwned>(row: &Row, column: &str) -> Result<Option<T>> {
+fn maybe_stored<T>(row: &Row, column: &str, read: impl Fn(&str) -> Readable<T>) -> Result<Option<T>> {
     let text: Option<&str> = row.try_get(column)?;
-    text.map(serde_json::from_str).transpose().map_err(|error| decode_error(column, error))
+    text.map(read).transpose().map_err(|why| decode_error(column, why))
+}
+
+/// A list of UIDs as JSON.
+fn uids<T: serde::de::DeserializeOwned>(row: &Row, column: &str) -> Result<Vec<T>> {
+    serde_json::from_str(row.try_get(column)?).map_err(|error| decode_error(column, error))
+}
+
+/// What can't be decoded is told by its id; the database's own faults stay what they are.
+fn readable<T>(decoded: Result<T>, what: &'static str, row: &Row, id: &str) -> Result<T, Error> {
+    match decoded {
+        Err(sqlx::Error::ColumnDecode { index, source }) => {
+            let id: String = row.try_get(id)?;
+            let detail = match source.downcast_ref::<Unreadable>() {
+                Some(why) => why.to_string(),
+                None => format!("column {index}: {source}"),
+            };
+            tracing::error!(what, id, detail, "a row can't be understood");
+            Err(Error::Unreadable { what, id, detail })
+        }
+        other => Ok(other?),
+    }
 }
 
 pub(super) fn series_state(row: &Row) -> Result<SeriesState> {
@@ -84,7 +107,13 @@ pub(super) fn due_reason(row: &Row) -> Result<Option<CompleteReason>> {
     maybe_named(row, "due_reason", CompleteReason::from_name)
 }
 
-pub(super) fn series(row: &Row) -> Result<SeriesRecord> {
+/// # Errors
+/// [`Error::Unreadable`].
+pub(super) fn series(row: &Row) -> Result<SeriesRecord, Error> {
+    readable(series_record(row), "series", row, "series_uid")
+}
+
+fn series_record(row: &Row) -> Result<SeriesRecord> {
     Ok(SeriesRecord {
         series_instance_uid: parsed(row, "series_uid")?,
         study_instance_uid: parsed(row, "study_uid")?,
@@ -146,7 +175,13 @@ pub(super) fn refused(row: &Row) -> Result<Refused> {
     })
 }
 
-pub(super) fn reconstruction(row: &Row) -> Result<ReconstructionRecord> {
+/// # Errors
+/// [`Error::Unreadable`].
+pub(super) fn reconstruction(row: &Row) -> Result<ReconstructionRecord, Error> {
+    readable(reconstruction_record(row), "reconstruction", row, "id")
+}
+
+fn reconstruction_record(row: &Row) -> Result<ReconstructionRecord> {
     let stage = |name: &str| Stage::ALL.into_iter().find(|stage| stage.name() == name);
     Ok(ReconstructionRecord {
         id: parsed(row, "id")?,
@@ -154,18 +189,19 @@ pub(super) fn reconstruction(row: &Row) -> Result<ReconstructionRecord> {
         revision: number(row, "revision")?,
         instances_sha256: sha256(row, "instances_sha256")?,
         instances: number(row, "instances")?,
-        parameters: json(row, "parameters")?,
+        parameters: stored(row, "parameters", parameter_json::read)?,
         state: named(row, "state", ReconstructionState::from_name)?,
         stage: maybe_named(row, "stage", stage)?,
         fraction: row.try_get("fraction")?,
         attempts: number(row, "attempts")?,
         error_code: row.try_get("error_code")?,
         error_detail: row.try_get("error_detail")?,
-        error_instances: json(row, "error_instances")?,
+        error_instances: uids(row, "error_instances")?,
         superseded_by: maybe_parsed(row, "superseded_by")?,
         software: row.try_get("software")?,
-        figures: maybe_json(row, "figures")?,
-        quality: maybe_json(row, "quality")?,
+        algorithm: row.try_get("algorithm")?,
+        figures: maybe_stored(row, "figures", figure_json::read)?,
+        quality: maybe_stored(row, "quality", quality_json::read)?,
         has_report: row.try_get("has_report")?,
         created_ms: row.try_get("created_ms")?,
         started_ms: row.try_get("started_ms")?,
@@ -173,16 +209,24 @@ pub(super) fn reconstruction(row: &Row) -> Result<ReconstructionRecord> {
     })
 }
 
-/// One row more than a page was asked for: whether there is another page is known then.
+/// One row more than a page was asked for: whether there is another page is known then. A row that
+/// can't be understood takes its place beside the others.
 pub(super) fn page<T>(
     rows: &[Row],
     limit: u32,
-    record: impl Fn(&Row) -> Result<T>,
-    cursor: impl Fn(&T) -> String,
-) -> Result<crate::store::Page<T>> {
+    record: impl Fn(&Row) -> Result<T, Error>,
+    cursor: impl Fn(&Row) -> Result<String>,
+) -> Result<crate::store::Page<T>, Error> {
     let limit = limit as usize;
-    let records = rows.iter().take(limit).map(record).collect::<Result<Vec<T>>>()?;
-    let more = rows.len() > limit;
-    let next_cursor = records.last().filter(|_| more).map(cursor);
-    Ok(crate::store::Page { rows: records, next_cursor })
+    let (mut records, mut unreadable) = (Vec::new(), Vec::new());
+    for row in rows.iter().take(limit) {
+        match record(row) {
+            Ok(record) => records.push(record),
+            Err(Error::Unreadable { id, detail, .. }) => unreadable.push(UnreadableRow { id, detail }),
+            Err(other) => return Err(other),
+        }
+    }
+    let last = rows.get(limit.wrapping_sub(1)).filter(|_| rows.len() > limit);
+    let next_cursor = last.map(cursor).transpose()?;
+    Ok(crate::store::Page { rows: records, unreadable, next_cursor })
 }

@@ -18,6 +18,9 @@ pub(crate) enum SchemaError {
     /// The database's own error.
     #[error(transparent)]
     Database(#[from] sqlx::Error),
+    /// Rows of another version can't be brought to this one.
+    #[error(transparent)]
+    Rows(#[from] crate::error::Error),
 }
 
 /// Runs the steps that are missing, all in one transaction.
@@ -26,14 +29,13 @@ pub(super) async fn migrate(connection: &mut Connection) -> Result<(), SchemaErr
     sqlx::query("CREATE TABLE IF NOT EXISTS schema_version (version BIGINT NOT NULL)")
         .execute(&mut *tx)
         .await?;
-    let found: i64 = sqlx::query_scalar("SELECT COALESCE(MAX(version), 0) FROM schema_version")
-        .fetch_one(&mut *tx)
-        .await?;
-    let known = i64::try_from(MIGRATIONS.len()).unwrap_or(i64::MAX);
+    let done: Vec<i64> = sqlx::query_scalar("SELECT version FROM schema_version").fetch_all(&mut *tx).await?;
+    let found = done.iter().copied().max().unwrap_or(0);
+    let known = MIGRATIONS.iter().map(|step| step.0).max().unwrap_or(0);
     if found > known {
         return Err(SchemaError::Newer { found, known });
     }
-    for (version, sql) in (1_i64..).zip(MIGRATIONS).filter(|(version, _)| *version > found) {
+    for (version, sql) in MIGRATIONS.iter().filter(|(version, _)| !done.contains(version)) {
         sqlx::raw_sql(*sql).execute(&mut *tx).await?;
         sqlx::query("INSERT INTO schema_version (version) VALUES ($1)")
             .bind(version)

@@ -1,6 +1,8 @@
 //! Series: reading, removal.
 
-use super::dialect::Connection;
+use sqlx::Row as _;
+
+use super::dialect::{Connection, Row};
 use super::{Catalog, rows};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
@@ -45,9 +47,11 @@ impl Catalog {
         .bind(i64::from(limit) + 1)
         .fetch_all(&self.readers)
         .await?;
-        let cursor =
-            |last: &SeriesRecord| hex::encode(format!("{}:{}", last.created_ms, last.series_instance_uid));
-        Ok(rows::page(&found, limit, rows::series, cursor)?)
+        let cursor = |last: &Row| {
+            let (created_ms, uid): (i64, &str) = (last.try_get("created_ms")?, last.try_get("series_uid")?);
+            Ok(hex::encode(format!("{created_ms}:{uid}")))
+        };
+        rows::page(&found, limit, rows::series, cursor)
     }
 
     /// Removes the series and all that hangs on it. Gives the keys of the blobs that no row names
@@ -90,7 +94,7 @@ pub(super) async fn one(
         .bind(uid.as_str())
         .fetch_optional(connection)
         .await?;
-    Ok(row.as_ref().map(rows::series).transpose()?)
+    row.as_ref().map(rows::series).transpose()
 }
 
 /// Identity of the set of instances of the series' latest complete revision.
