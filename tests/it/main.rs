@@ -11,6 +11,7 @@ mod dicom_series;
 mod dicom_tables;
 mod dimse_association;
 mod dimse_conformance;
+mod dimse_log;
 mod dimse_scu;
 mod dimse_store;
 mod e2e_bombs;
