@@ -9,6 +9,7 @@ use serde::{Deserialize, Deserializer};
 use crate::dicom::ae_title::AeTitle;
 use crate::dicom::scan::Limits;
 use crate::dicom::series::ReadLimits;
+use crate::http::is_host;
 use crate::pipeline::Parameters;
 
 /// `config/triplanar.toml`: explains every setting and *is* the defaults.
@@ -59,6 +60,7 @@ pub struct Storage {
 pub struct Http {
     pub listen: SocketAddr,
     pub tokens: Vec<Token>,
+    pub hosts: Vec<String>,
     pub max_connections: usize,
     pub max_upload_bytes: u64,
     pub max_unpacked_bytes: u64,
@@ -255,6 +257,11 @@ impl Config {
             let is_hash = token.sha256.len() == 64 && token.sha256.bytes().all(|b| b.is_ascii_hexdigit());
             range("http.tokens", is_hash, "sha256 must be 64 hex digits: `triplanar token` prints the line")?;
         }
+        range(
+            "http.hosts",
+            self.http.hosts.iter().all(|host| is_host(host)),
+            "names or addresses without scheme, port and path, such as \"ct.example.org\"",
+        )?;
         let is_ae_title = |title: &str| AeTitle::parse(title).is_some_and(|title| !title.as_str().is_empty());
         range("dimse.ae_title", is_ae_title(&self.dimse.ae_title), AE_TITLE)?;
         range(

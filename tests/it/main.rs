@@ -26,6 +26,7 @@ mod geometry_acquisitions;
 mod geometry_left_ear;
 mod geometry_skulls;
 mod http_access;
+mod http_browser;
 mod http_control;
 mod http_description;
 mod http_events;
