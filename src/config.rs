@@ -6,8 +6,10 @@ use std::time::Duration;
 
 use serde::{Deserialize, Deserializer};
 
+use crate::dicom::ae_title::AeTitle;
 use crate::dicom::scan::Limits;
 use crate::dicom::series::ReadLimits;
+use crate::http::is_host;
 use crate::pipeline::Parameters;
 
 /// `config/triplanar.toml`: explains every setting and *is* the defaults.
@@ -18,6 +20,9 @@ const PREFIX: &str = "TRIPLANAR_";
 
 /// The longest time that a setting can say: ten years.
 const MAX_SECONDS: f64 = 315_360_000.0;
+
+/// What an AE title may be (PS3.5 section 6.2).
+const AE_TITLE: &str = "1 to 16 ASCII characters, no control character, no backslash, not only spaces";
 
 /// Names with our prefix that are flags or belong to the tests, not settings.
 const NOT_SETTINGS: [&str; 3] = ["TRIPLANAR_CONFIG", "TRIPLANAR_TEST_DATA", "TRIPLANAR_REQUIRE_TEST_DATA"];
@@ -55,6 +60,7 @@ pub struct Storage {
 pub struct Http {
     pub listen: SocketAddr,
     pub tokens: Vec<Token>,
+    pub hosts: Vec<String>,
     pub max_connections: usize,
     pub max_upload_bytes: u64,
     pub max_unpacked_bytes: u64,
@@ -251,12 +257,17 @@ impl Config {
             let is_hash = token.sha256.len() == 64 && token.sha256.bytes().all(|b| b.is_ascii_hexdigit());
             range("http.tokens", is_hash, "sha256 must be 64 hex digits: `triplanar token` prints the line")?;
         }
-        let is_ae_title = |title: &str| (1..=16).contains(&title.trim().len()) && title.is_ascii();
-        range("dimse.ae_title", is_ae_title(&self.dimse.ae_title), "1 to 16 ASCII characters")?;
+        range(
+            "http.hosts",
+            self.http.hosts.iter().all(|host| is_host(host)),
+            "names or addresses without scheme, port and path, such as \"ct.example.org\"",
+        )?;
+        let is_ae_title = |title: &str| AeTitle::parse(title).is_some_and(|title| !title.as_str().is_empty());
+        range("dimse.ae_title", is_ae_title(&self.dimse.ae_title), AE_TITLE)?;
         range(
             "dimse.calling_ae_titles",
             self.dimse.calling_ae_titles.iter().all(|title| is_ae_title(title)),
-            "1 to 16 ASCII characters each",
+            AE_TITLE,
         )?;
         range(
             "dimse.max_pdu_length",

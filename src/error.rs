@@ -91,6 +91,21 @@ pub enum Error {
     /// The token's role does not allow this. 403.
     #[error("this token's role does not allow that; it needs the role {0}")]
     Forbidden(&'static str),
+    /// `Host` is missing, double or not valid. 400.
+    #[error("the request does not say whom it is for: {0}; send one Host header, as Host: localhost:8080")]
+    InvalidHost(&'static str),
+    /// The host that is asked for is none of ours. 421. (The name is not repeated.)
+    #[error(
+        "the service does not answer to that host name: use localhost or a loopback address, or list the name \
+         under [http] hosts"
+    )]
+    MisdirectedRequest,
+    /// A page of another origin wants to change something. 403.
+    #[error(
+        "a page of another origin may not change anything here; behind a proxy, pass the Host header on and \
+         list the name under [http] hosts"
+    )]
+    ForeignOrigin,
     /// Nothing with that id. 404.
     #[error("no {what} with the id {id}")]
     NotFound {
@@ -247,6 +262,9 @@ impl Error {
             Self::EmptyUpload => ("empty-upload", "Nothing to store", 0xC000, 422),
             Self::Unauthorized => ("unauthorized", "Unauthorized", 0x0124, 401),
             Self::Forbidden(_) => ("forbidden", "Forbidden", 0x0124, 403),
+            Self::InvalidHost(_) => ("invalid-host", "Invalid host", 0x0115, 400),
+            Self::MisdirectedRequest => ("misdirected-request", "Misdirected request", 0x0112, 421),
+            Self::ForeignOrigin => ("foreign-origin", "Foreign origin", 0x0124, 403),
             Self::NotFound { .. } | Self::NoSuchPath => ("not-found", "Not found", 0x0112, 404),
             Self::InvalidParameter { .. } => ("invalid-parameter", "Invalid parameter", 0x0115, 400),
             Self::InvalidBody(_) => ("invalid-body", "Invalid body", 0x0115, 422),

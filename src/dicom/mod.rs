@@ -3,6 +3,7 @@
 //!
 //! Bytes from outside pass [`scan`] before anything parses them.
 
+pub mod ae_title;
 mod dataset;
 mod digest;
 pub mod header;

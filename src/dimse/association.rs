@@ -22,7 +22,8 @@ use super::server::Shared;
 use super::services::{self, Request};
 use super::status::{Refusal, SUCCESS};
 use super::stop::Stop;
-use crate::intake::{Intake, Sender};
+use super::tally::{RefusedContexts, Tally, reason_name};
+use crate::intake::{Intake, Receipt, Sender};
 use crate::telemetry::Metrics;
 
 /// Bytes of refused data sets that one message may still send; a sender of more is cut off.
@@ -107,7 +108,7 @@ async fn established(
 ) {
     let id = Uuid::now_v7();
     let calling = accepted.calling_ae_title.clone();
-    tracing::info!(association = %id, %peer, calling, contexts = accepted.contexts.len(), "association");
+    told_contexts(id, peer, &accepted, &shared.metrics);
     shared.metrics.association_opened();
     let sent = connection.send(&Pdu::AssociationAC(accepted.answer)).await;
     let channel = Channel::new(connection, accepted.peer_max_pdu_length, shared.config.idle_timeout, stop);
@@ -117,6 +118,7 @@ async fn established(
         contexts: accepted.contexts,
         channel,
         discarded: 0,
+        tally: Tally::default(),
         shared: Arc::clone(&shared),
     };
     let messages = async {
@@ -125,27 +127,51 @@ async fn established(
     };
     // A defect of ours must not keep the association's end from the intake.
     let outcome = AssertUnwindSafe(messages).catch_unwind().await;
-    match outcome {
-        Ok(Ok(())) => {
-            tracing::info!(association = %id, calling, "released");
-        }
+    let end = match outcome {
+        Ok(Ok(())) => "released",
         Ok(Err(fault)) => {
             shared.metrics.association_failed(fault.code());
-            tracing::warn!(association = %id, calling, code = fault.code(), %fault, "association ended");
+            tracing::warn!(association = %id, calling, code = fault.code(), %fault, "not released");
             association.channel.abort(&fault).await;
+            fault.end()
         }
         Err(_panic) => {
             shared.metrics.association_failed("internal");
             tracing::error!(association = %id, calling, "association ended by a defect; please report it");
             association.channel.abort(&Fault::Message("defect".to_owned())).await;
+            "aborted"
         }
-    }
+    };
+    shared.metrics.association_ended(end);
+    let Tally { stored, duplicate, .. } = association.tally;
+    let (refused, by_status) = (association.tally.refusals(), association.tally.by_status());
+    tracing::info!(association = %id, calling, end, stored, duplicate, refused, by_status, "association ended");
     if let Err(error) = shared.intake.association_ended(id).await {
         // The quiet time completes its series all the same.
         tracing::error!(association = %id, %error, "the association's end was not recorded");
     }
     shared.metrics.association_closed();
     association.channel.close().await;
+}
+
+/// Tells and counts what was offered: a sender whose contexts are refused sends nothing, and says no
+/// word of it.
+fn told_contexts(id: Uuid, peer: SocketAddr, accepted: &Accepted, metrics: &Metrics) {
+    let calling = accepted.calling_ae_title.as_str();
+    for result in &accepted.answer.presentation_contexts {
+        metrics.presentation_context(reason_name(&result.reason));
+    }
+    let (taken, refused) = (accepted.contexts.len(), accepted.refused.len());
+    tracing::info!(association = %id, %peer, calling, offered = taken + refused, accepted = taken, "association");
+    if refused == 0 {
+        return;
+    }
+    let contexts = RefusedContexts(&accepted.refused);
+    if taken == 0 {
+        tracing::warn!(association = %id, calling, refused, %contexts, "every presentation context is refused");
+    } else {
+        tracing::info!(association = %id, calling, refused, %contexts, "presentation contexts are refused");
+    }
 }
 
 /// An open association, as the services see it.
@@ -156,6 +182,7 @@ pub(crate) struct Association {
     channel: Channel,
     /// Bytes that were thrown away of the message at hand.
     discarded: u64,
+    tally: Tally,
     shared: Arc<Shared>,
 }
 
@@ -204,6 +231,15 @@ impl Association {
         &self.shared.metrics
     }
 
+    /// Counts an instance that was taken.
+    pub(crate) fn count_taken(&mut self, receipt: &Receipt) {
+        if receipt.duplicate {
+            self.tally.duplicate += 1;
+        } else {
+            self.tally.stored += 1;
+        }
+    }
+
     /// The next piece of the request's data set; whether it was the last.
     pub(crate) async fn data(&mut self, request: &Request) -> Result<(Bytes, bool), Fault> {
         self.channel.data(request.context.id).await
@@ -237,6 +273,9 @@ impl Association {
         outcome: Result<(), &Refusal>,
     ) -> Result<(), Fault> {
         let status = outcome.map_or_else(|refusal| refusal.status, |()| SUCCESS);
+        if outcome.is_err() {
+            self.tally.refused(status);
+        }
         let mut response = CommandSet::default()
             .with_number(element::COMMAND_FIELD, request.field | RESPONSE)
             .with_number(element::MESSAGE_ID_BEING_RESPONDED_TO, request.message_id)

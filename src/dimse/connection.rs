@@ -73,11 +73,19 @@ impl Connection {
         self.check_length(pdu_type, length)?;
         let whole = HEADER_LENGTH + length as usize;
         self.fill(whole).await?;
-        let pdu = self.buffer.split_to(whole).freeze();
+        let mut pdu = self.buffer.split_to(whole);
+        let titles = if pdu_type == ASSOCIATE_RQ { take_titles(&mut pdu) } else { None };
+        let pdu = pdu.freeze();
         if pdu_type == PDATA {
             return Ok(Received::Data(pdu.slice(HEADER_LENGTH..)));
         }
         match read_pdu(pdu, MAX_ASSOCIATE_LENGTH, true) {
+            Ok(Some(Pdu::AssociationRQ(mut request))) => {
+                if let Some((called, calling)) = titles {
+                    (request.called_ae_title, request.calling_ae_title) = (called, calling);
+                }
+                Ok(Received::Pdu(Box::new(Pdu::AssociationRQ(request))))
+            }
             Ok(Some(pdu)) => Ok(Received::Pdu(Box::new(pdu))),
             Ok(None) => Err(Fault::protocol(Reason::InvalidPduParameter, "a PDU ends within an item")),
             Err(error) => Err(Fault::protocol(Reason::InvalidPduParameter, error.to_string())),
@@ -151,6 +159,19 @@ impl Connection {
         // Either way the stream is dropped now.
         let _ = timeout(LINGER, drained).await;
     }
+}
+
+/// Takes called and calling AE title out of an A-ASSOCIATE-RQ, character by character as they came:
+/// dicom-ul trims every kind of white space, of which only spaces are padding (PS3.5 section 6.2).
+fn take_titles(pdu: &mut BytesMut) -> Option<(String, String)> {
+    let mut title = |at: usize| {
+        let bytes = pdu.get_mut(at..at + 16)?;
+        let text = bytes.iter().map(|byte| char::from(*byte)).collect();
+        bytes.fill(b' ');
+        Some(text)
+    };
+    // After the header, the protocol version and two reserved bytes.
+    Some((title(HEADER_LENGTH + 4)?, title(HEADER_LENGTH + 20)?))
 }
 
 const ASSOCIATE_RQ: u8 = 0x01;

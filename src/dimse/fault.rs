@@ -57,6 +57,15 @@ impl Fault {
         }
     }
 
+    /// How the association ended, in one word: `aborted` by either side, or `lost`.
+    #[must_use]
+    pub(crate) fn end(&self) -> &'static str {
+        match self {
+            Self::Closed | Self::Lost(_) => "lost",
+            _ => "aborted",
+        }
+    }
+
     /// Stable name, for the log and the metrics.
     #[must_use]
     pub fn code(&self) -> &'static str {

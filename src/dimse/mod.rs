@@ -11,6 +11,7 @@
 //! | `pdata`, `channel`, `command` | fragments ↔ messages |
 //! | `association` | one association from its request to its end |
 //! | `services/` | what a message does, one file a service |
+//! | `tally` | what an association came to, for the log |
 //! | `status`, `fault` | what a peer is told when something is refused, or breaks |
 //! | [`scu`] | the other side, over the same connection and channel |
 //!
@@ -32,6 +33,7 @@ mod server;
 mod services;
 mod status;
 mod stop;
+mod tally;
 
 pub use fault::Fault;
 pub use server::serve;

@@ -9,7 +9,9 @@ use dicom_ul::pdu::{
 
 use super::rejection::Rejection;
 use super::services::Service;
+use super::tally::RefusedContext;
 use crate::config;
+use crate::dicom::ae_title::AeTitle;
 use crate::dicom::part10;
 use crate::dicom::transfer_syntax::{self, TransferSyntax};
 
@@ -37,6 +39,8 @@ pub(crate) struct Context {
 pub(crate) struct Accepted {
     /// The accepted contexts by their ID.
     pub(crate) contexts: BTreeMap<u8, Context>,
+    /// The other contexts that were offered.
+    pub(crate) refused: Vec<RefusedContext>,
     /// Who calls.
     pub(crate) calling_ae_title: String,
     /// The largest P-DATA-TF body that the peer takes; 0: any.
@@ -53,19 +57,25 @@ pub(crate) fn negotiate(request: AssociationRQ, config: &config::Dimse) -> Resul
     if uid(&request.application_context_name) != APPLICATION_CONTEXT {
         return Err(Rejection::ApplicationContext);
     }
-    if config.check_called_ae_title && request.called_ae_title.trim() != config.ae_title.trim() {
+    let called = AeTitle::parse(&request.called_ae_title).ok_or(Rejection::CalledAeTitle)?;
+    if config.check_called_ae_title && AeTitle::parse(&config.ae_title).as_ref() != Some(&called) {
         return Err(Rejection::CalledAeTitle);
     }
-    let calling_ae_title = request.calling_ae_title.trim().to_owned();
-    let known = config.calling_ae_titles.iter().any(|title| title.trim() == calling_ae_title);
+    let calling = AeTitle::parse(&request.calling_ae_title).ok_or(Rejection::CallingAeTitle)?;
+    let known = config.calling_ae_titles.iter().any(|title| AeTitle::parse(title).as_ref() == Some(&calling));
     if !(known || config.calling_ae_titles.is_empty()) {
         return Err(Rejection::CallingAeTitle);
     }
+    let calling_ae_title = calling.to_string();
 
     let mut contexts = BTreeMap::new();
     let mut results = BTreeMap::new();
+    let mut refused = Vec::new();
     for proposed in &request.presentation_contexts {
         let (context, result) = answer_context(proposed);
+        if context.is_none() {
+            refused.push(RefusedContext::new(proposed, &result.reason));
+        }
         let repeated = results.insert(proposed.id, result).is_some();
         // Odd and unique, or an answer would not say which context it is for (PS3.8 9.3.2.2).
         if proposed.id % 2 == 0 || repeated {
@@ -89,7 +99,7 @@ pub(crate) fn negotiate(request: AssociationRQ, config: &config::Dimse) -> Resul
         presentation_contexts: results.into_values().collect(),
         user_variables,
     };
-    Ok(Accepted { contexts, calling_ae_title, peer_max_pdu_length, answer })
+    Ok(Accepted { contexts, refused, calling_ae_title, peer_max_pdu_length, answer })
 }
 
 /// What we say of ourselves, as acceptor and as requestor.
@@ -102,7 +112,7 @@ pub(crate) fn own_user_variables(max_pdu_length: u32) -> Vec<UserVariableItem> {
 }
 
 /// A UID without the padding that some peers send.
-fn uid(text: &str) -> &str {
+pub(crate) fn uid(text: &str) -> &str {
     text.trim_matches(['\0', ' '])
 }
 

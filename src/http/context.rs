@@ -5,6 +5,7 @@ use std::sync::Arc;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
+use super::host::Hosts;
 use super::volumes::Volumes;
 use crate::config::Config;
 use crate::intake::Intake;
@@ -37,6 +38,8 @@ pub(super) struct Context {
     pub(super) metrics: Arc<Metrics>,
     /// One permit for each upload that may be received at a time.
     pub(super) uploads: Arc<Semaphore>,
+    /// The host names that are answered.
+    pub(super) hosts: Arc<Hosts>,
     /// Volumes for slice pictures.
     pub(super) volumes: Arc<Volumes>,
     /// Ends the streams of events.
@@ -47,7 +50,14 @@ impl Context {
     pub(super) fn new(state: AppState, shutdown: CancellationToken) -> Self {
         let AppState { store, intake, jobs, config, metrics } = state;
         let uploads = Arc::new(Semaphore::new(config.http.max_uploads));
+        let hosts = Arc::new(Hosts::new(&config.http));
+        if hosts.is_loopback_alone() && !config.http.listen.ip().is_loopback() {
+            tracing::warn!(
+                "only requests for localhost and loopback addresses are answered: write the names under which \
+                 clients reach the service as hosts = [\"…\"] under [http], or configure tokens"
+            );
+        }
         let volumes = Arc::new(Volumes::new(store.clone(), &config, jobs.threads()));
-        Self { store, intake, jobs, config, metrics, uploads, volumes, shutdown }
+        Self { store, intake, jobs, config, metrics, uploads, hosts, volumes, shutdown }
     }
 }

@@ -30,8 +30,9 @@ instances, completes series and starts reconstructions; `read` reads; `operate` 
 Not a medical device.";
 
 /// What any operation can end in, whatever it is.
-const ANYWHERE: [(&str, &str); 3] = [
-    ("400", "A parameter of the path or the query is not valid."),
+const ANYWHERE: [(&str, &str); 4] = [
+    ("400", "A parameter of the path or the query, or the Host header, is not valid."),
+    ("421", "The host that is asked for is none of those that the service answers to."),
     ("500", "A failure of the service; its log has the cause, under this request's id."),
     ("503", "Busy, shutting down, or at a limit: try again later (Retry-After)."),
 ];
@@ -43,6 +44,9 @@ const CHANGED: &str = "It is another version than If-Match names.";
 const PROTECTED: [(&str, &str); 2] =
     [("401", "No valid token (WWW-Authenticate)."), ("403", "The token's role does not allow this.")];
 
+/// What an operation that changes something can end in.
+const FOREIGN: &str = "The token's role does not allow this, or a page of another origin asks.";
+
 /// How the path of the slices' pictures ends.
 const PICTURE: &str = "/slices/{plane}/{picture}";
 
@@ -52,7 +56,7 @@ pub fn openapi() -> OpenApi {
     let (_, mut api) = router::operations().split_for_parts();
     for (path, item) in &mut api.paths.paths {
         for (method, operation) in operations_of(item) {
-            complete(path, operation, access(&method, path));
+            complete(path, &method, operation);
             octets::describe(operation);
         }
     }
@@ -117,7 +121,8 @@ fn axum_method(method: &HttpMethod) -> Method {
     }
 }
 
-fn complete(path: &str, operation: &mut Operation, access: Access) {
+fn complete(path: &str, method: &Method, operation: &mut Operation) {
+    let access = access(method, path);
     let Responses { responses, .. } = &mut operation.responses;
     if path.contains('{') {
         // A parameter with a slash in it makes another path.
@@ -128,6 +133,9 @@ fn complete(path: &str, operation: &mut Operation, access: Access) {
     }
     if responses.contains_key("206") {
         responses.entry("412".to_owned()).or_insert_with(|| described(CHANGED));
+    }
+    if method != Method::GET {
+        responses.entry("403".to_owned()).or_insert_with(|| described(FOREIGN));
     }
     if access != Access::Open {
         for (status, description) in PROTECTED {

@@ -1,8 +1,8 @@
 //! REST, STOW-RS and upload in; clouds, reports, events, health and metrics out.
 //!
 //! A request passes, from outside in: the connection's limits ([`server`](self)), its id, log line
-//! and metrics, the catching of panics, the headers that every answer has, the check of who may do
-//! what, and then its handler in `resources/`, `upload/` or `stow/`. Whatever is refused becomes a
+//! and metrics, the headers that every answer has, the catching of panics, the check of its host and
+//! origin, the check of who may do what, and then its handler in `resources/`, `upload/` or `stow/`. Whatever is refused becomes a
 //! problem (RFC 9457) in one place, from the one table in [`crate::error`].
 
 mod auth;
@@ -10,6 +10,7 @@ mod body;
 mod context;
 mod describe;
 mod extract;
+mod host;
 mod identity;
 mod media_type;
 mod multipart;
@@ -30,6 +31,7 @@ pub use auth::{Access, access};
 pub use context::AppState;
 use context::Context;
 pub use describe::{openapi, openapi_json};
+pub(crate) use host::is_host;
 pub use observe::REQUEST_ID;
 pub use problem::{MEDIA_TYPE as PROBLEM_MEDIA_TYPE, Problem};
 pub use server::serve;

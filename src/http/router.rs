@@ -1,8 +1,8 @@
 //! Routes and the layers around them.
 
 use axum::Router;
-use axum::http::HeaderValue;
 use axum::http::header::{CONTENT_SECURITY_POLICY, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS};
+use axum::http::{HeaderName, HeaderValue};
 use axum::middleware::from_fn_with_state;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -13,7 +13,7 @@ use utoipa_axum::routes;
 use super::resources::{
     cloud, events, health, pages, reconstructions, report, series, series_control, slices,
 };
-use super::{AppState, Context, auth, describe, observe, problem, stow, upload};
+use super::{AppState, Context, auth, describe, host, observe, problem, stow, upload};
 use crate::error::Error;
 
 /// Pages get their own files and nothing else; nothing of ours belongs into a frame.
@@ -50,6 +50,7 @@ pub(super) fn router(state: AppState, shutdown: CancellationToken) -> Router {
     let header = |name, value: &'static str| {
         SetResponseHeaderLayer::if_not_present(name, HeaderValue::from_static(value))
     };
+    let same_origin = HeaderName::from_static("cross-origin-resource-policy");
     let (router, _) = operations().split_for_parts();
     router
         .merge(pages::routes())
@@ -57,11 +58,13 @@ pub(super) fn router(state: AppState, shutdown: CancellationToken) -> Router {
         .method_not_allowed_fallback(|| async { Error::MethodNotAllowed })
         // Layers run from the last to the first. `layer` wraps the fallbacks too.
         .layer(from_fn_with_state(context.clone(), auth::check))
+        .layer(from_fn_with_state(context.clone(), host::check))
         .layer(CatchPanicLayer::custom(problem::of_panic))
         .layer(header(CONTENT_SECURITY_POLICY, POLICY))
         .layer(header(X_CONTENT_TYPE_OPTIONS, "nosniff"))
         .layer(header(X_FRAME_OPTIONS, "DENY"))
         .layer(header(REFERRER_POLICY, "no-referrer"))
+        .layer(header(same_origin, "same-origin"))
         .layer(from_fn_with_state(context.clone(), observe::observe))
         .with_state(context)
 }

@@ -47,6 +47,16 @@ struct ReasonLabel {
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct ResultLabel {
+    result: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct EndLabel {
+    end: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct StateLabel {
     state: &'static str,
 }
@@ -95,6 +105,8 @@ pub struct Metrics {
     associations_accepted: Counter,
     associations_rejected: Family<ReasonLabel, Counter>,
     associations_failed: Family<ReasonLabel, Counter>,
+    associations_ended: Family<EndLabel, Counter>,
+    presentation_contexts: Family<ResultLabel, Counter>,
     associations_open: Gauge,
     jobs: Family<StateLabel, Counter>,
     job_attempts: Counter,
@@ -125,6 +137,8 @@ impl Metrics {
             associations_accepted: Counter::default(),
             associations_rejected: Family::default(),
             associations_failed: Family::default(),
+            associations_ended: Family::default(),
+            presentation_contexts: Family::default(),
             associations_open: Gauge::default(),
             jobs: Family::default(),
             job_attempts: Counter::default(),
@@ -172,6 +186,16 @@ impl Metrics {
             "associations_failed",
             "DICOM connections and associations that ended other than by release, by reason",
             self.associations_failed.clone(),
+        );
+        r.register(
+            "associations_ended",
+            "DICOM associations that ended, by how: released, aborted by either side, lost",
+            self.associations_ended.clone(),
+        );
+        r.register(
+            "presentation_contexts",
+            "Presentation contexts offered in accepted associations, by result",
+            self.presentation_contexts.clone(),
         );
         r.register("associations_open", "DICOM associations open now", self.associations_open.clone());
         r.register("jobs", "Reconstructions that reached a final state, by state", self.jobs.clone());
@@ -241,6 +265,16 @@ impl Metrics {
     /// An accepted association ended, however it did.
     pub fn association_closed(&self) {
         self.associations_open.dec();
+    }
+
+    /// An accepted association ended: `released`, `aborted` or `lost`.
+    pub fn association_ended(&self, end: &'static str) {
+        self.associations_ended.get_or_create(&EndLabel { end }).inc();
+    }
+
+    /// A presentation context was answered; `result` is `accepted` or why it was refused.
+    pub fn presentation_context(&self, result: &'static str) {
+        self.presentation_contexts.get_or_create(&ResultLabel { result }).inc();
     }
 
     /// An association was rejected; `reason` is a stable code such as `unknown_calling_ae_title`.

@@ -1,6 +1,7 @@
 //! Metrics and log set-up. Neither ever carries a patient's identity: labels are codes, states,
 //! route templates.
 
+mod escape;
 mod logging;
 mod metrics;
 

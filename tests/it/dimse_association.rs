@@ -60,6 +60,65 @@ fn an_association_that_is_not_for_us_is_rejected_with_its_reason() {
     listener.await_metric(r#"triplanar_associations_rejected_total{reason="unknown_calling_ae_title"} 1"#);
 }
 
+/// The request's PDU with these bytes in place of its AE titles.
+fn with_titles(called: &[u8], calling: &[u8]) -> Vec<u8> {
+    let mut pdu = verification().pdu();
+    for (at, title) in [(10, called), (26, calling)] {
+        pdu[at..at + 16].fill(b' ');
+        pdu[at..at + title.len()].copy_from_slice(title);
+    }
+    pdu
+}
+
+#[test]
+fn of_a_title_only_spaces_are_padding() {
+    let listener = Listener::start(|config| config.dimse.calling_ae_titles = vec![" GOOD ".to_owned()]);
+    for (called, calling) in [(&b"TRIPLANAR"[..], &b"GOOD"[..]), (b"  TRIPLANAR", b"  GOOD   ")] {
+        let mut scu = Scu::connect(listener.address);
+        scu.send(&with_titles(called, calling));
+        let (pdu_type, answer) = scu.receive().expect("an answer");
+        assert_eq!(pdu_type, 0x02);
+        assert_eq!(answer[4..36], with_titles(called, calling)[10..42], "the answer repeats the titles");
+    }
+    // TAB, LF, VT, CR, NUL, no-break space, backslash, letters of another alphabet (PS3.5 section 6.2).
+    let none: [&[u8]; 12] = [
+        b"GOOD\t",
+        b"\tGOOD",
+        b"\nGOOD",
+        b"GOOD\x0b",
+        b"GOOD\r",
+        b"GOOD\0\0",
+        b"\xa0GOOD",
+        b"GO\\OD",
+        b"G\xd6\xd6D",
+        b"good",
+        b"",
+        b"\x1b[31mGOOD",
+    ];
+    for calling in none {
+        let mut scu = Scu::connect(listener.address);
+        scu.send(&with_titles(b"TRIPLANAR", calling));
+        // Calling AE title not recognized.
+        scu.expect_rejection(1, 1, 3);
+    }
+    for called in [&b"TRIPLANAR\t"[..], b"\x0bTRIPLANAR", b"\nTRIPLANAR", b"TRIPLANAR\0", b"triplanar", b""] {
+        let mut scu = Scu::connect(listener.address);
+        scu.send(&with_titles(called, b"GOOD"));
+        scu.expect_rejection(1, 1, 7);
+    }
+}
+
+#[test]
+fn a_title_that_is_none_is_refused_where_any_is_taken() {
+    let listener = Listener::start(|config| config.dimse.check_called_ae_title = false);
+    for (called, calling, reason) in [(&b"A\nB"[..], &b"GOOD"[..], 7), (b"A", b"GO\tOD", 3), (b"A", b"\\", 3)]
+    {
+        let mut scu = Scu::connect(listener.address);
+        scu.send(&with_titles(called, calling));
+        scu.expect_rejection(1, 1, reason);
+    }
+}
+
 #[test]
 fn any_called_title_is_taken_where_the_configuration_says_so() {
     let listener = Listener::start(|config| config.dimse.check_called_ae_title = false);

@@ -6,21 +6,19 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
 use crate::support::http::{Server, problem, zip_of};
+use crate::support::raw::exchange;
 
-/// Sends bytes on a connection of their own and reads until the server closes it.
 async fn raw(server: &Server, bytes: &[u8]) -> String {
-    let mut stream = TcpStream::connect(server.address).await.unwrap();
-    stream.write_all(bytes).await.unwrap();
-    let mut answer = Vec::new();
-    stream.read_to_end(&mut answer).await.unwrap();
-    String::from_utf8_lossy(&answer).into_owned()
+    exchange(server.address, bytes).await
 }
 
 #[tokio::test]
 async fn one_upload_more_than_allowed_is_told_to_come_back() {
     let server = Server::with(|config| config.http.max_uploads = 1).await;
     let mut slow = TcpStream::connect(server.address).await.unwrap();
-    slow.write_all(b"POST /v1/series HTTP/1.1\r\nhost: x\r\ncontent-length: 10000\r\n\r\nPK").await.unwrap();
+    slow.write_all(b"POST /v1/series HTTP/1.1\r\nhost: localhost\r\ncontent-length: 10000\r\n\r\nPK")
+        .await
+        .unwrap();
     // Until the first one has been let in, a second one may be; an upload of nothing is refused.
     loop {
         let response = server.post("/v1/series").body("x").send().await.unwrap();
@@ -41,11 +39,11 @@ async fn one_upload_more_than_allowed_is_told_to_come_back() {
 #[tokio::test]
 async fn a_head_or_a_body_that_does_not_come_ends_the_connection() {
     let server = Server::with(|config| config.http.idle_timeout = Duration::from_millis(300)).await;
-    assert_eq!(raw(&server, b"GET /healthz HTTP/1.1\r\nhost: x\r\nx-slow: ").await, "");
+    assert_eq!(raw(&server, b"GET /healthz HTTP/1.1\r\nhost: localhost\r\nx-slow: ").await, "");
     assert_eq!(raw(&server, b"").await, "");
     for path in ["/v1/series", "/dicom-web/studies", "/v1/series/1.2/reconstructions"] {
         let head = format!(
-            "POST {path} HTTP/1.1\r\nhost: x\r\ncontent-type: {}\r\ncontent-length: 100\r\n\r\nabc",
+            "POST {path} HTTP/1.1\r\nhost: localhost\r\ncontent-type: {}\r\ncontent-length: 100\r\n\r\nabc",
             if path == "/dicom-web/studies" { "application/dicom" } else { "application/json" }
         );
         let head = if path == "/v1/series" { head.replace("json", "zip") } else { head };
@@ -60,8 +58,10 @@ async fn a_body_that_breaks_off_stores_nothing() {
     let server = Server::start().await;
     let archive = zip_of(1, 3);
     let mut stream = TcpStream::connect(server.address).await.unwrap();
-    let head =
-        format!("POST /v1/series HTTP/1.1\r\nhost: x\r\ncontent-length: {}\r\n\r\n", archive.len() + 1);
+    let head = format!(
+        "POST /v1/series HTTP/1.1\r\nhost: localhost\r\ncontent-length: {}\r\n\r\n",
+        archive.len() + 1
+    );
     stream.write_all(head.as_bytes()).await.unwrap();
     stream.write_all(&archive).await.unwrap();
     drop(stream);
@@ -76,16 +76,16 @@ async fn a_connection_beyond_the_limit_is_told_so() {
     let mut held = Vec::new();
     for _ in 0..2 {
         let mut stream = TcpStream::connect(server.address).await.unwrap();
-        stream.write_all(b"GET /healthz HTTP/1.1\r\nhost: x\r\n\r\n").await.unwrap();
+        stream.write_all(b"GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n").await.unwrap();
         let mut first = [0; 12];
         stream.read_exact(&mut first).await.unwrap();
         assert_eq!(&first, b"HTTP/1.1 200");
         held.push(stream);
     }
-    let answer = raw(&server, b"GET /healthz HTTP/1.1\r\nhost: x\r\n\r\n").await;
+    let answer = raw(&server, b"GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n").await;
     assert!(answer.starts_with("HTTP/1.1 503 ") && answer.contains("urn:triplanar:problem:busy"), "{answer}");
     drop(held);
-    while !raw(&server, b"GET /healthz HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n")
+    while !raw(&server, b"GET /healthz HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n")
         .await
         .starts_with("HTTP/1.1 200")
     {
@@ -98,7 +98,8 @@ async fn a_stop_lets_a_request_that_runs_end() {
     let mut server = Server::start().await;
     let archive = zip_of(1, 3);
     let mut stream = TcpStream::connect(server.address).await.unwrap();
-    let head = format!("POST /v1/series HTTP/1.1\r\nhost: x\r\ncontent-length: {}\r\n\r\n", archive.len());
+    let head =
+        format!("POST /v1/series HTTP/1.1\r\nhost: localhost\r\ncontent-length: {}\r\n\r\n", archive.len());
     stream.write_all(head.as_bytes()).await.unwrap();
     let (first, rest) = archive.split_at(archive.len() / 2);
     stream.write_all(first).await.unwrap();

@@ -37,7 +37,10 @@ pub(super) async fn perform(request: &Request, association: &mut Association) ->
     };
     // The intake counts and logs what it decides.
     match association.intake().store(spool, announced).await {
-        Ok(_receipt) => association.answer(request, Ok(())).await,
+        Ok(receipt) => {
+            association.count_taken(&receipt);
+            association.answer(request, Ok(())).await
+        }
         Err(error) => association.answer(request, Err(&Refusal::from(&error))).await,
     }
 }

@@ -10,6 +10,8 @@ pub(super) mod series;
 pub(super) mod series_control;
 pub(super) mod slices;
 
+pub(super) use series_control::check_expected;
+
 use super::Context;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};

@@ -14,6 +14,14 @@ use crate::http::upload::UploadedSeries;
 use crate::http::views::{ReconstructionView, SeriesView};
 use crate::store::{CompleteReason, ReconstructionFilter, ReconstructionState};
 
+/// Instances that a series can be said to have.
+const MAX_EXPECTED: u64 = 1_000_000;
+
+/// Whether a series can be said to have so many instances; the limits, if not.
+pub(in crate::http) fn check_expected(instances: u64) -> Result<(), String> {
+    if (1..=MAX_EXPECTED).contains(&instances) { Ok(()) } else { Err(format!("1 to {MAX_EXPECTED}")) }
+}
+
 /// Rows that are looked through at a time.
 const PAGE: u32 = 100;
 
@@ -79,9 +87,8 @@ pub(in crate::http) async fn expect_instances(
     body: JsonBody,
 ) -> Result<Json<ExpectedInstances>> {
     let expected: ExpectedInstances = body.of()?;
-    if !(1..=1_000_000).contains(&expected.instances) {
-        return Err(Error::InvalidBody("instances must be within 1 to 1000000".to_owned()));
-    }
+    check_expected(expected.instances)
+        .map_err(|detail| Error::InvalidBody(format!("instances: {detail}")))?;
     context.intake.expect(&uid, expected.instances).await?;
     Ok(Json(expected))
 }

@@ -20,6 +20,7 @@ use super::body::Incoming;
 use super::extract::Parameters;
 use super::media_type::MediaType;
 use super::multipart::Multipart;
+use super::resources::check_expected;
 use super::views::{ReconstructionView, SeriesView};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
@@ -99,8 +100,9 @@ pub(super) async fn upload_series(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response> {
-    if query.expect == Some(0) {
-        return Err(Error::InvalidParameter { name: "expect".to_owned(), detail: "at least 1".to_owned() });
+    if let Some(expect) = query.expect {
+        check_expected(expect)
+            .map_err(|detail| Error::InvalidParameter { name: "expect".to_owned(), detail })?;
     }
     let media_type = MediaType::of_request(&headers);
     let essence = media_type.as_ref().map(|it| it.essence().to_owned());

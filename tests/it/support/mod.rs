@@ -14,6 +14,7 @@ pub(crate) mod memory;
 pub(crate) mod pacs;
 pub(crate) mod phantom;
 pub(crate) mod published;
+pub(crate) mod raw;
 pub(crate) mod scu;
 pub(crate) mod service;
 pub(crate) mod skin;
