@@ -7,12 +7,22 @@ use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 use flate2::read::DeflateDecoder;
 
-use super::scan::values::{text, texts};
+use super::identity::Identity;
+use super::scan::values::{decoded, text, texts};
 use super::scan::{Encoding, Event, Layout, Limits, ScanError, Seekable, Span, Walker, begin};
+use super::sop_class;
 use super::transfer_syntax::TransferSyntax;
+use super::uid::SopClassUid;
 
 /// What is kept of the walk. Everything else is passed over.
-const WANTED: [Tag; 40] = [
+const WANTED: [Tag; 47] = [
+    tags::SPECIFIC_CHARACTER_SET,
+    tags::ACCESSION_NUMBER,
+    tags::PATIENT_NAME,
+    tags::PATIENT_ID,
+    tags::ISSUER_OF_PATIENT_ID,
+    tags::PATIENT_BIRTH_DATE,
+    tags::PATIENT_SEX,
     tags::SOP_CLASS_UID,
     tags::SOP_INSTANCE_UID,
     tags::STUDY_INSTANCE_UID,
@@ -60,6 +70,8 @@ pub(crate) struct DataSet<'a> {
     /// The data set's bytes: those of the file, or inflated ones. Spans count from their beginning.
     bytes: Cow<'a, [u8]>,
     pub(crate) syntax: &'static TransferSyntax,
+    /// Something that nobody reads is not written as it should.
+    pub(crate) is_odd: bool,
     top: Item,
 }
 
@@ -94,8 +106,10 @@ impl<'a> DataSet<'a> {
             Cow::Borrowed(data_set)
         };
         let mut input = Seekable::new(Cursor::new(&*bytes), 0)?;
-        let top = collect(&mut Walker::new(&mut input, syntax.layout(), limits))?;
-        Ok(Self { bytes, syntax, top })
+        let mut walker = Walker::new(&mut input, syntax.layout(), limits);
+        let top = collect(&mut walker)?;
+        let is_odd = walker.is_odd();
+        Ok(Self { bytes, syntax, is_odd, top })
     }
 
     /// The data set itself.
@@ -212,6 +226,14 @@ impl Item {
     }
 }
 
+/// What a written number of frames means (PS3.3 section C.7.6.6: 0 is none).
+pub(crate) fn number_of_frames(written: u32, class: Option<&SopClassUid>) -> Option<u32> {
+    match written {
+        0 => class.is_some_and(sop_class::is_single_frame).then_some(1),
+        frames => Some(frames),
+    }
+}
+
 /// An item together with the bytes that its values are in.
 #[derive(Clone, Copy)]
 pub(crate) struct View<'a> {
@@ -246,6 +268,24 @@ impl<'a> View<'a> {
         self.bytes(tag).map(text).filter(|text| !text.is_empty())
     }
 
+    /// Text of the data set itself in its character set, `None` where absent or empty.
+    pub(crate) fn decoded(self, tag: Tag) -> Option<String> {
+        let text = decoded(self.bytes(tag)?, self.bytes(tags::SPECIFIC_CHARACTER_SET));
+        Some(text).filter(|text| !text.is_empty())
+    }
+
+    /// Whom the data set says that it shows.
+    pub(crate) fn identity(self) -> Identity {
+        Identity {
+            patient_id: self.decoded(tags::PATIENT_ID),
+            issuer_of_patient_id: self.decoded(tags::ISSUER_OF_PATIENT_ID),
+            patient_name: self.decoded(tags::PATIENT_NAME),
+            patient_birth_date: self.decoded(tags::PATIENT_BIRTH_DATE),
+            patient_sex: self.decoded(tags::PATIENT_SEX),
+            accession_number: self.decoded(tags::ACCESSION_NUMBER),
+        }
+    }
+
     /// The values of a text with several.
     pub(crate) fn texts(self, tag: Tag) -> Vec<String> {
         self.bytes(tag).map(texts).unwrap_or_default()
@@ -270,6 +310,15 @@ impl<'a> View<'a> {
             .map(|value| value.parse().ok().filter(|n: &f64| n.is_finite()))
             .collect::<Option<_>>()?;
         numbers.try_into().ok()
+    }
+
+    /// Number of Frames: 1 where it is absent, and where a class without frames says 0. `None` if it
+    /// is no count.
+    pub(crate) fn frames(self) -> Option<u32> {
+        let Some(text) = self.text(tags::NUMBER_OF_FRAMES) else { return Some(1) };
+        let frames = text.parse().ok()?;
+        let class: Option<SopClassUid> = self.uid(tags::SOP_CLASS_UID);
+        number_of_frames(frames, class.as_ref())
     }
 
     /// An integer (VR IS).

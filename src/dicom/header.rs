@@ -1,5 +1,6 @@
 //! What the catalog keeps of an instance, read without its pixels.
 
+use super::identity::Identity;
 use super::uid::{
     FrameOfReferenceUid, SeriesInstanceUid, SopClassUid, SopInstanceUid, StudyInstanceUid, TransferSyntaxUid,
 };
@@ -25,10 +26,8 @@ pub struct InstanceHeader {
     pub image_type: Vec<String>,
     /// Series Description (0008,103E).
     pub series_description: Option<String>,
-    /// Patient ID (0010,0020). For the catalog's search only: never logged.
-    pub patient_id: Option<String>,
-    /// Accession Number (0008,0050). For the catalog's search only: never logged.
-    pub accession_number: Option<String>,
+    /// Patient and order. For search and the check of one patient only: never logged.
+    pub identity: Identity,
     /// Number of Frames (0028,0008); 1 where absent.
     pub frames: u32,
     /// Rows (0028,0010), if the instance has pixels.
@@ -37,4 +36,11 @@ pub struct InstanceHeader {
     pub columns: Option<u16>,
     /// Whether there is a Pixel Data element (7FE0,0010).
     pub has_pixel_data: bool,
+    /// Photometric Interpretation (0028,0004).
+    pub photometric: Option<String>,
+    /// Samples per Pixel (0028,0002).
+    pub samples_per_pixel: Option<u16>,
+    /// Whether Image Position or Image Orientation (Patient) stands in the data set itself, outside of
+    /// functional groups; `None` of one that an earlier version stored.
+    pub has_position: Option<bool>,
 }

@@ -7,6 +7,7 @@ pub mod ae_title;
 mod dataset;
 mod digest;
 pub mod header;
+pub mod identity;
 pub mod part10;
 pub mod pixels;
 pub mod scan;

@@ -23,3 +23,9 @@ pub const ACCEPTED: &[SopClass] = &[
 pub fn is_accepted(uid: &SopClassUid) -> bool {
     ACCEPTED.iter().any(|class| class.uid == uid.as_str())
 }
+
+/// Whether an instance of that SOP class is one image and has no functional groups: CT Image Storage.
+#[must_use]
+pub fn is_single_frame(uid: &SopClassUid) -> bool {
+    uid.as_str() == dicom_dictionary_std::uids::CT_IMAGE_STORAGE
+}

@@ -83,6 +83,29 @@ named! {
         TooFewSlices = "too_few_slices",
         /// No instance has pixels.
         NoPixelData = "no_pixel_data",
+        /// Photometric Interpretation or Samples per Pixel tells a picture in colour, or one with a
+        /// palette: a screen save, a rendering.
+        Colour = "colour",
+        /// A derived or secondary image that says nothing of its place in the patient.
+        NoPlace = "no_place",
+    }
+}
+
+named! {
+    /// What of an identity a correction changed.
+    IdentityField {
+        /// Patient ID (0010,0020).
+        PatientId = "patient_id",
+        /// Issuer of Patient ID (0010,0021).
+        IssuerOfPatientId = "issuer_of_patient_id",
+        /// Patient's Name (0010,0010).
+        PatientName = "patient_name",
+        /// Patient's Birth Date (0010,0030).
+        PatientBirthDate = "patient_birth_date",
+        /// Patient's Sex (0010,0040).
+        PatientSex = "patient_sex",
+        /// Accession Number (0008,0050).
+        AccessionNumber = "accession_number",
     }
 }
 

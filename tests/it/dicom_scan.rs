@@ -85,7 +85,7 @@ fn a_header_is_read_the_same_with_and_without_what_stands_before_the_data_set() 
     assert_eq!(whole.header.sop_instance_uid.as_str(), "1.2.3.4");
     assert_eq!(whole.header.image_type, ["ORIGINAL", "PRIMARY", "AXIAL"]);
     assert_eq!(whole.header.series_description.as_deref(), Some("Kopf"));
-    assert_eq!(whole.header.patient_id.as_deref(), Some("P-17"));
+    assert_eq!(whole.header.identity.patient_id.as_deref(), Some("P-17"));
     assert_eq!(whole.header.frames, 2);
     assert!(!whole.header.has_pixel_data);
 
@@ -218,7 +218,7 @@ fn a_small_file_that_claims_4_gigabytes_is_refused() {
     }
     // Inside an item whose own length is shorter.
     let inner = DataSet::default().put((0x0008, 0x0100), "UN", &[0; 40]);
-    let mut bytes = identity(CT, "1.2.3.4").sequence((0x0008, 0x1140), &[inner]).0;
+    let mut bytes = identity(CT, "1.2.3.4").sequence((0x5200, 0x9230), &[inner]).0;
     let claim = bytes.len() - 44;
     bytes[claim..claim + 4].copy_from_slice(&60_u32.to_le_bytes());
     assert!(malformed(&bytes, &bare(EXPLICIT)).contains("claims 60 bytes where 40 are left"));

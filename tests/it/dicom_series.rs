@@ -215,7 +215,7 @@ fn what_is_no_volume_is_refused_and_the_odd_ones_are_named() {
     refused(patched(4, b"1.2.3.3", b"1.2.3.9"), "mixed_frame_of_reference", &["1.2.3.4.5"]);
     refused(patched(4, b"1.2.3.2", b"1.2.3.9"), "mixed_series", &["1.2.3.4.5"]);
     refused(with(2, |slice| slice.position[2] -= 2.0), "duplicate_position", &["1.2.3.4.2", "1.2.3.4.3"]);
-    refused(patched(0, b"MONOCHROME2", b"RGB        "), "unknown_photometric", &["1.2.3.4.1"]);
+    refused(patched(0, b"MONOCHROME2", b"MONOCHROME3"), "unknown_photometric", &["1.2.3.4.1"]);
     // Another tag hides the element.
     refused(patched(0, &[0x28, 0, 0x53, 0x10], &[0x28, 0, 0x5F, 0x10]), "no_rescale", &["1.2.3.4.1"]);
     refused(patched(0, &[0x28, 0, 0x30, 0], &[0x28, 0, 0x3F, 0]), "missing_geometry", &["1.2.3.4.1"]);

@@ -51,6 +51,7 @@ fn header() -> InstanceHeader {
     .expect("a header")
     .header;
     header.has_pixel_data = true;
+    header.has_position = Some(true);
     header
 }
 

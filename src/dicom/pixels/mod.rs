@@ -75,13 +75,9 @@ impl Format {
                  8 or 16 must be allocated"
             )));
         }
-        let frames =
-            match top.text(tags::NUMBER_OF_FRAMES) {
-                None => 1,
-                Some(text) => text.parse().ok().filter(|frames| *frames > 0).ok_or_else(|| {
-                    PixelError::Description("NumberOfFrames (0028,0008) is no count".into())
-                })?,
-            };
+        let frames = top
+            .frames()
+            .ok_or_else(|| PixelError::Description("NumberOfFrames (0028,0008) is no count".into()))?;
         let rows = required(tags::ROWS, "Rows (0028,0010)")?;
         let columns = required(tags::COLUMNS, "Columns (0028,0011)")?;
         if rows == 0 || columns == 0 || u32::from(rows) * u32::from(columns) > MAX_PIXELS {

@@ -2,13 +2,14 @@
 
 use dicom_core::Tag;
 use dicom_dictionary_std::tags;
-use dicom_encoding::text::{SpecificCharacterSet, TextCodec};
 
 use super::input::Input;
-use super::values::{text, texts};
+use super::values::{decoded, text, texts};
 use super::walk::{Event, Walker};
 use super::{Layout, ScanError};
+use crate::dicom::dataset::number_of_frames;
 use crate::dicom::header::InstanceHeader;
+use crate::dicom::identity::Identity;
 use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid, TransferSyntaxUid};
 
 /// The most bytes that an attribute of the header may have. The longest by the standard are
@@ -20,9 +21,10 @@ const MAX_VALUE: usize = 4096;
 pub(super) struct Found {
     values: Vec<(Tag, Vec<u8>, Layout)>,
     has_pixel_data: bool,
+    has_position: bool,
 }
 
-const WANTED: [Tag; 14] = [
+const WANTED: [Tag; 20] = [
     tags::SPECIFIC_CHARACTER_SET,
     tags::IMAGE_TYPE,
     tags::SOP_CLASS_UID,
@@ -30,10 +32,16 @@ const WANTED: [Tag; 14] = [
     tags::ACCESSION_NUMBER,
     tags::MODALITY,
     tags::SERIES_DESCRIPTION,
+    tags::PATIENT_NAME,
     tags::PATIENT_ID,
+    tags::ISSUER_OF_PATIENT_ID,
+    tags::PATIENT_BIRTH_DATE,
+    tags::PATIENT_SEX,
     tags::STUDY_INSTANCE_UID,
     tags::SERIES_INSTANCE_UID,
     tags::FRAME_OF_REFERENCE_UID,
+    tags::SAMPLES_PER_PIXEL,
+    tags::PHOTOMETRIC_INTERPRETATION,
     tags::NUMBER_OF_FRAMES,
     tags::ROWS,
     tags::COLUMNS,
@@ -50,6 +58,11 @@ pub(super) fn collect<I: Input>(walker: &mut Walker<'_, I>, found: &mut Found) -
                 found.has_pixel_data = value.length > 0;
             }
             Event::Fragments(tag) if tag == tags::PIXEL_DATA => found.has_pixel_data = true,
+            Event::Element { tag, value, .. }
+                if [tags::IMAGE_POSITION_PATIENT, tags::IMAGE_ORIENTATION_PATIENT].contains(&tag) =>
+            {
+                found.has_position |= value.length > 0;
+            }
             // Of an element that stands twice the first counts, and the others cost no memory.
             Event::Element { tag, layout, .. } if WANTED.contains(&tag) && found.value(tag).is_none() => {
                 let value = walker.value(tag, MAX_VALUE)?;
@@ -82,12 +95,8 @@ impl Found {
 
     /// Text in the data set's character set (PS3.3 section C.12.1.1.2), `None` where empty.
     fn text(&self, tag: Tag) -> Option<String> {
-        let value = self.value(tag)?;
-        // Of several character sets the first is the one in force without escape sequences.
-        let set = self.value(tags::SPECIFIC_CHARACTER_SET).map(texts).unwrap_or_default();
-        let codec = set.first().and_then(|code| SpecificCharacterSet::from_code(code)).unwrap_or_default();
-        let decoded = codec.decode(value).unwrap_or_else(|_| String::from_utf8_lossy(value).into_owned());
-        Some(decoded.trim_matches([' ', '\0']).to_owned()).filter(|text| !text.is_empty())
+        let text = decoded(self.value(tag)?, self.value(tags::SPECIFIC_CHARACTER_SET));
+        Some(text).filter(|text| !text.is_empty())
     }
 
     /// The header; what an instance can't be filed without must be there.
@@ -95,7 +104,11 @@ impl Found {
         let missing = |attribute| ScanError::Missing { attribute };
         let frames = match self.value(tags::NUMBER_OF_FRAMES).map(text).filter(|text| !text.is_empty()) {
             None => 1,
-            Some(text) => text.parse().map_err(|_| missing("NumberOfFrames (0028,0008)"))?,
+            Some(text) => {
+                let class = self.uid(tags::SOP_CLASS_UID);
+                let frames = text.parse().ok().and_then(|frames| number_of_frames(frames, class.as_ref()));
+                frames.ok_or(missing("NumberOfFrames (0028,0008)"))?
+            }
         };
         Ok(InstanceHeader {
             sop_class_uid: self.uid(tags::SOP_CLASS_UID).ok_or(missing("SOPClassUID (0008,0016)"))?,
@@ -113,12 +126,21 @@ impl Found {
             modality: self.text(tags::MODALITY),
             image_type: self.value(tags::IMAGE_TYPE).map(texts).unwrap_or_default(),
             series_description: self.text(tags::SERIES_DESCRIPTION),
-            patient_id: self.text(tags::PATIENT_ID),
-            accession_number: self.text(tags::ACCESSION_NUMBER),
+            identity: Identity {
+                patient_id: self.text(tags::PATIENT_ID),
+                issuer_of_patient_id: self.text(tags::ISSUER_OF_PATIENT_ID),
+                patient_name: self.text(tags::PATIENT_NAME),
+                patient_birth_date: self.text(tags::PATIENT_BIRTH_DATE),
+                patient_sex: self.text(tags::PATIENT_SEX),
+                accession_number: self.text(tags::ACCESSION_NUMBER),
+            },
             frames,
             rows: self.u16(tags::ROWS),
             columns: self.u16(tags::COLUMNS),
             has_pixel_data: self.has_pixel_data,
+            photometric: self.value(tags::PHOTOMETRIC_INTERPRETATION).map(text).filter(|t| !t.is_empty()),
+            samples_per_pixel: self.u16(tags::SAMPLES_PER_PIXEL),
+            has_position: Some(self.has_position),
         })
     }
 }

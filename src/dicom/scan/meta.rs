@@ -6,7 +6,7 @@ use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
 
 use super::ScanError;
-use super::element::{Layout, head};
+use super::element::{Around, Layout, head};
 use super::input::{Input, Seekable};
 use super::values::text;
 use crate::dicom::uid::TransferSyntaxUid;
@@ -61,7 +61,7 @@ pub(super) fn read(reader: &mut (impl Read + Seek)) -> Result<Meta, ScanError> {
             return Ok(Meta { data_set_offset: position, transfer_syntax_uid });
         }
         input = Seekable::new(reader, position)?;
-        let head = head(&mut input, Layout::EXPLICIT)?;
+        let head = head(&mut input, Layout::EXPLICIT, Around::default())?;
         let length =
             head.length.filter(|length| *length <= MAX_VALUE || head.tag != tags::TRANSFER_SYNTAX_UID);
         let length = length.ok_or_else(|| malformed(head.tag))?;

@@ -2,9 +2,9 @@
 
 use dicom_core::dictionary::{DataDictionary, DataDictionaryEntry};
 use dicom_core::{Tag, VR};
-use dicom_dictionary_std::StandardDataDictionary;
+use dicom_dictionary_std::{StandardDataDictionary, tags};
 
-use super::element::{Layout, head};
+use super::element::{Around, Head, Layout, head};
 use super::input::Input;
 use super::{Limits, ScanError};
 
@@ -12,6 +12,19 @@ const ITEM: Tag = Tag(0xFFFE, 0xE000);
 const ITEM_DELIMITER: Tag = Tag(0xFFFE, 0xE00D);
 const SEQUENCE_DELIMITER: Tag = Tag(0xFFFE, 0xE0DD);
 const PIXEL_DATA: Tag = Tag(0x7FE0, 0x0010);
+
+/// The sequences that somebody reads, each inside of one that is read: the functional groups of a CT.
+/// All others are passed over.
+pub(crate) const READ: [Tag; 8] = [
+    tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE,
+    tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE,
+    tags::PIXEL_MEASURES_SEQUENCE,
+    tags::PLANE_POSITION_SEQUENCE,
+    tags::PLANE_ORIENTATION_SEQUENCE,
+    tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE,
+    tags::FRAME_CONTENT_SEQUENCE,
+    tags::CT_IMAGE_FRAME_TYPE_SEQUENCE,
+];
 
 /// What the walk meets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,6 +61,8 @@ struct Open {
     /// Where it ends, if its length was given.
     end: Option<u64>,
     layout: Layout,
+    /// Somebody reads what is in it.
+    is_read: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,12 +81,32 @@ pub(crate) struct Walker<'a, I> {
     /// Bytes of the last event's value that nobody read.
     unread: u64,
     events: u64,
+    /// What the last event closed had a length of its own.
+    closed_by_length: bool,
+    /// A limit was passed: that is never passed over.
+    is_beyond_limit: bool,
+    is_odd: bool,
 }
 
 impl<'a, I: Input> Walker<'a, I> {
     /// Walks the data set that begins where `input` stands.
     pub(crate) fn new(input: &'a mut I, layout: Layout, limits: &'a Limits) -> Self {
-        Self { input, layout, limits, open: Vec::new(), unread: 0, events: 0 }
+        Self {
+            input,
+            layout,
+            limits,
+            open: Vec::new(),
+            unread: 0,
+            events: 0,
+            closed_by_length: false,
+            is_beyond_limit: false,
+            is_odd: false,
+        }
+    }
+
+    /// Whether something that nobody reads was passed over although it is not written as it should.
+    pub(crate) fn is_odd(&self) -> bool {
+        self.is_odd
     }
 
     /// Whether the position is in the data set itself, or just inside its fragments.
@@ -106,17 +141,47 @@ impl<'a, I: Input> Walker<'a, I> {
                 self.limits.max_elements
             )));
         }
+        match self.step() {
+            Err(ScanError::Malformed(detail)) => {
+                let Some(end) = self.way_out() else { return Err(ScanError::Malformed(detail)) };
+                self.leave(end)?;
+                self.close_what_ends_here()
+            }
+            step => step,
+        }
+    }
+
+    fn step(&mut self) -> Result<Option<Event>, ScanError> {
         if let Some(event) = self.close_what_ends_here()? {
             return Ok(Some(event));
         }
-        let Some(&Open { kind, end, layout }) = self.open.last() else {
+        let Some(&Open { kind, end, layout, .. }) = self.open.last() else {
             return if self.input.at_end()? { Ok(None) } else { self.top_element() };
         };
         match kind {
-            Kind::Item => self.element(layout).map(Some),
-            Kind::Sequence => self.item(layout, end.is_some()).map(Some),
+            Kind::Item => self.element(layout),
+            Kind::Sequence => self.item(layout, end.is_some()),
             Kind::Fragments => self.fragment(layout).map(Some),
         }
+    }
+
+    /// The end of the outermost thing around the position that nobody reads and whose length was
+    /// given: whatever is wrong inside of it, the walk can go on behind it.
+    fn way_out(&self) -> Option<u64> {
+        let passage = self.open.iter().find(|open| !open.is_read && open.end.is_some())?;
+        passage.end.filter(|end| !self.is_beyond_limit && self.input.position() <= *end)
+    }
+
+    /// Goes to that end; all that ends there is closed by the events to come.
+    fn leave(&mut self, end: u64) -> Result<(), ScanError> {
+        self.is_odd = true;
+        self.unread = 0;
+        self.input.skip(end - self.input.position())?;
+        let passage = self.open.iter().position(|open| !open.is_read && open.end == Some(end));
+        for open in self.open.iter_mut().skip(passage.unwrap_or_default()) {
+            open.end = Some(end);
+        }
+        Ok(())
     }
 
     /// An element of the data set itself. Zeros up to the end of the bytes, which some archives
@@ -128,7 +193,7 @@ impl<'a, I: Input> Walker<'a, I> {
             self.only_zeros_follow()?;
             return Ok(None);
         }
-        self.element(self.layout).map(Some)
+        self.element(self.layout)
     }
 
     fn only_zeros_follow(&mut self) -> Result<(), ScanError> {
@@ -161,20 +226,65 @@ impl<'a, I: Input> Walker<'a, I> {
     }
 
     fn close(&mut self) -> Option<Event> {
-        self.open.pop().map(|open| match open.kind {
+        let open = self.open.pop()?;
+        self.closed_by_length = open.end.is_some();
+        Some(match open.kind {
             Kind::Sequence => Event::EndOfSequence,
             Kind::Item => Event::EndOfItem,
             Kind::Fragments => Event::EndOfFragments,
         })
     }
 
+    /// The head that stands next. A delimiter behind something whose length was given (it needs none,
+    /// some writers add one) is passed over. `None` if the data set ends with such a one.
+    fn head(&mut self, layout: Layout) -> Result<Option<Head>, ScanError> {
+        let mut closed_by_length = std::mem::take(&mut self.closed_by_length);
+        loop {
+            let last = self.open.last();
+            let around = Around {
+                open: self.room_in_open(),
+                room: self.room(),
+                is_inside: last.is_some(),
+                is_passage: last.is_some_and(|open| !open.is_read),
+            };
+            let head = head(self.input, layout, around)?;
+            self.is_odd |= head.is_odd;
+            let ends_what_is_open = match last.map(|open| (open.kind, open.end)) {
+                Some((Kind::Item, None)) => head.tag == ITEM_DELIMITER,
+                Some((Kind::Sequence, None)) => head.tag == SEQUENCE_DELIMITER,
+                _ => false,
+            };
+            let is_delimiter = [ITEM_DELIMITER, SEQUENCE_DELIMITER].contains(&head.tag);
+            let is_stray = closed_by_length && is_delimiter && head.length == Some(0) && !ends_what_is_open;
+            let is_at_end = self.open.last().is_some_and(|open| open.end == Some(self.input.position()));
+            if !is_stray || is_at_end {
+                return Ok(Some(head));
+            }
+            self.is_odd = true;
+            closed_by_length = false;
+            if self.open.is_empty() && self.input.at_end()? {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// Whether that delimiter stands at the end of what is open and has a length: it is passed over.
+    fn is_end_by_length(&self, head: Head) -> bool {
+        [ITEM_DELIMITER, SEQUENCE_DELIMITER].contains(&head.tag)
+            && head.length == Some(0)
+            && self.open.last().is_some_and(|open| open.end == Some(self.input.position()))
+    }
+
     /// An element of the data set itself or of an item.
-    fn element(&mut self, layout: Layout) -> Result<Event, ScanError> {
-        let head = head(self.input, layout)?;
-        let tag = head.tag;
+    fn element(&mut self, around: Layout) -> Result<Option<Event>, ScanError> {
+        let Some(head) = self.head(around)? else { return Ok(None) };
+        let (tag, layout) = (head.tag, head.layout);
+        if self.is_end_by_length(head) {
+            self.is_odd = true;
+            return Ok(self.close());
+        }
         if tag == ITEM_DELIMITER && matches!(self.open.last(), Some(Open { end: None, .. })) {
-            self.open.pop();
-            return Ok(Event::EndOfItem);
+            return Ok(self.close());
         }
         if tag.0 == 0xFFFE {
             return Err(ScanError::Malformed(format!(
@@ -182,39 +292,53 @@ impl<'a, I: Input> Walker<'a, I> {
                 self.input.position()
             )));
         }
+        let is_un = head.vr == Some(*b"UN");
         let is_sequence = match head.vr {
-            Some(vr) => &vr == b"SQ" || (&vr == b"UN" && head.length.is_none()),
+            // What is read of UN is what the dictionary knows as a sequence (PS3.5 section 6.2.2).
+            Some(_) if is_un && tag != PIXEL_DATA => head.length.is_none() || self.reads(tag),
+            Some(vr) => &vr == b"SQ",
             None => (head.length.is_none() && tag != PIXEL_DATA) || is_sequence(tag),
         };
         if is_sequence {
             // A UN sequence is implicit VR little endian inside (PS3.5 section 6.2.2 note 4).
-            let inside = if head.vr == Some(*b"UN") { Layout::IMPLICIT } else { layout };
-            self.enter(Kind::Sequence, head.length, inside)?;
-            return Ok(Event::Sequence(tag));
+            let inside = if is_un { Layout::IMPLICIT } else { layout };
+            let is_read = self.reads(tag);
+            self.enter(Kind::Sequence, head.length, inside, is_read)?;
+            return Ok(Some(Event::Sequence(tag)));
         }
         let Some(length) = head.length else {
-            let may_be_fragments = matches!(head.vr.as_ref(), Some(b"OB" | b"OW"));
+            let may_be_fragments = matches!(head.vr.as_ref(), Some(b"OB" | b"OW" | b"UN"));
             if !may_be_fragments {
                 return Err(ScanError::Malformed(format!("element {tag} has no length and is no sequence")));
             }
-            self.enter(Kind::Fragments, None, layout)?;
-            return Ok(Event::Fragments(tag));
+            let is_read = self.open.last().is_none_or(|open| open.is_read);
+            self.enter(Kind::Fragments, None, layout, is_read)?;
+            return Ok(Some(Event::Fragments(tag)));
         };
         let value = self.span(length)?;
-        Ok(Event::Element { tag, vr: head.vr, value, layout })
+        // The value of a UN is little endian wherever it stands (PS3.5 section 6.2.2).
+        let layout = if is_un { Layout { big_endian: false, ..layout } } else { layout };
+        Ok(Some(Event::Element { tag, vr: head.vr, value, layout }))
     }
 
-    fn item(&mut self, layout: Layout, length_is_given: bool) -> Result<Event, ScanError> {
-        let head = head(self.input, layout)?;
+    /// Whether somebody reads a sequence of that tag that stands here.
+    fn reads(&self, tag: Tag) -> bool {
+        READ.contains(&tag) && self.open.last().is_none_or(|open| open.is_read)
+    }
+
+    fn item(&mut self, layout: Layout, length_is_given: bool) -> Result<Option<Event>, ScanError> {
+        let Some(head) = self.head(layout)? else { return Ok(None) };
+        if self.is_end_by_length(head) {
+            self.is_odd = true;
+            return Ok(self.close());
+        }
         match head.tag {
             ITEM => {
-                self.enter(Kind::Item, head.length, layout)?;
-                Ok(Event::Item)
+                let is_read = self.open.last().is_none_or(|open| open.is_read);
+                self.enter(Kind::Item, head.length, layout, is_read)?;
+                Ok(Some(Event::Item))
             }
-            SEQUENCE_DELIMITER if !length_is_given => {
-                self.open.pop();
-                Ok(Event::EndOfSequence)
-            }
+            SEQUENCE_DELIMITER if !length_is_given => Ok(self.close()),
             tag => Err(ScanError::Malformed(format!(
                 "{tag} stands in a sequence where an item must, before byte {}",
                 self.input.position()
@@ -223,11 +347,14 @@ impl<'a, I: Input> Walker<'a, I> {
     }
 
     fn fragment(&mut self, layout: Layout) -> Result<Event, ScanError> {
-        let head = head(self.input, layout)?;
+        let Some(head) = self.head(layout)? else {
+            return Err(ScanError::Malformed("the fragments of its pixel data do not end".into()));
+        };
         match (head.tag, head.length) {
             (ITEM, Some(length)) => Ok(Event::Fragment(self.span(length)?)),
             (SEQUENCE_DELIMITER, _) => {
                 self.open.pop();
+                self.closed_by_length = false;
                 Ok(Event::EndOfFragments)
             }
             (tag, _) => Err(ScanError::Malformed(format!(
@@ -237,8 +364,15 @@ impl<'a, I: Input> Walker<'a, I> {
         }
     }
 
-    fn enter(&mut self, kind: Kind, length: Option<u32>, layout: Layout) -> Result<(), ScanError> {
+    fn enter(
+        &mut self,
+        kind: Kind,
+        length: Option<u32>,
+        layout: Layout,
+        is_read: bool,
+    ) -> Result<(), ScanError> {
         if kind == Kind::Sequence && self.depth() >= self.limits.max_depth {
+            self.is_beyond_limit = true;
             return Err(ScanError::Malformed(format!(
                 "its sequences are nested more than {} deep",
                 self.limits.max_depth
@@ -251,7 +385,7 @@ impl<'a, I: Input> Walker<'a, I> {
             }
             None => None,
         };
-        self.open.push(Open { kind, end, layout });
+        self.open.push(Open { kind, end, layout, is_read });
         Ok(())
     }
 
@@ -264,20 +398,24 @@ impl<'a, I: Input> Walker<'a, I> {
 
     /// A claimed length must fit into what is left of the file and of what is open.
     fn check_fits(&self, length: u32) -> Result<(), ScanError> {
-        let position = self.input.position();
-        let room = self
-            .open
-            .iter()
-            .filter_map(|open| open.end)
-            .map(|end| end.saturating_sub(position))
-            .chain(self.input.left())
-            .min();
-        match room {
+        match self.room() {
             Some(room) if u64::from(length) > room => Err(ScanError::Malformed(format!(
-                "an element at byte {position} claims {length} bytes where {room} are left"
+                "an element at byte {} claims {length} bytes where {room} are left",
+                self.input.position()
             ))),
             _ => Ok(()),
         }
+    }
+
+    /// Bytes left of what is open and of the file, where that is known.
+    fn room(&self) -> Option<u64> {
+        self.room_in_open().into_iter().chain(self.input.left()).min()
+    }
+
+    fn room_in_open(&self) -> Option<u64> {
+        let position = self.input.position();
+        let ends = self.open.iter().filter_map(|open| open.end);
+        ends.map(|end| end.saturating_sub(position)).min()
     }
 }
 

@@ -100,6 +100,17 @@ pub(super) fn consistency(slices: &[Slice]) -> Result<(), SeriesError> {
 
 /// A rescale to Hounsfield units for every slice.
 pub(super) fn rescale(slices: &[Slice]) -> Result<(), SeriesError> {
+    let other = named(slices, |slice| slice.frame.other_unit.is_some());
+    if let Some(unit) = slices.iter().find_map(|slice| slice.frame.other_unit) {
+        return Err(SeriesError::new(
+            "no_rescale",
+            format!(
+                "RescaleType (0028,1054) says that the values are {unit}, not Hounsfield units (HU); send the CT image \
+                 itself"
+            ),
+            other,
+        ));
+    }
     let without = named(slices, |slice| slice.frame.rescale.is_none());
     if without.is_empty() {
         return Ok(());
@@ -111,20 +122,22 @@ pub(super) fn rescale(slices: &[Slice]) -> Result<(), SeriesError> {
     ))
 }
 
-/// Gray values: no colours, no palette.
-pub(super) fn photometric(instances: &[Instance]) -> Result<(), SeriesError> {
-    let is_gray =
-        |instance: &&Instance| matches!(instance.photometric.as_deref(), Some("MONOCHROME1" | "MONOCHROME2"));
-    let odd: Vec<_> =
-        instances.iter().filter(|instance| instance.has_pixel_data && !is_gray(instance)).collect();
-    let Some(first) = odd.first() else { return Ok(()) };
+/// Gray values, as far as Photometric Interpretation tells.
+pub(super) fn photometric(slices: &[Slice]) -> Result<(), SeriesError> {
+    let is_gray = |slice: &Slice| matches!(slice.photometric.as_deref(), Some("MONOCHROME1" | "MONOCHROME2"));
+    let odd = named(slices, |slice| !is_gray(slice));
+    if odd.is_empty() {
+        return Ok(());
+    }
+    let is_missing = slices.iter().any(|slice| slice.photometric.is_none());
+    let what = if is_missing { "is missing" } else { "is none that the standard knows" };
     Err(SeriesError::new(
         "unknown_photometric",
         format!(
-            "photometric interpretation {} is not one of a CT: MONOCHROME1 or MONOCHROME2; send the original image",
-            first.photometric.as_deref().unwrap_or("(none)")
+            "Photometric Interpretation (0028,0004) {what}; that of a CT is MONOCHROME1 or MONOCHROME2; send the \
+             original image"
         ),
-        odd.iter().map(|instance| instance.sop_instance_uid.clone()).collect(),
+        odd,
     ))
 }
 
@@ -153,7 +166,7 @@ pub(super) fn size(slices: &[Slice], limits: &ReadLimits) -> Result<(), SeriesEr
 }
 
 /// Warns of what is unusual in the slices themselves.
-pub(super) fn warn(slices: &[Slice], instances: &[Instance], warnings: &mut Vec<Warning>) {
+pub(super) fn warn(slices: &[Slice], warnings: &mut Vec<Warning>) {
     let Some(first) = slices.first() else { return };
     let geometry = first.geometry();
     if spacings_differ(geometry.row_spacing, geometry.column_spacing) {
@@ -170,12 +183,39 @@ pub(super) fn warn(slices: &[Slice], instances: &[Instance], warnings: &mut Vec<
             format!("the matrix has {rows} rows and {columns} columns"),
         ));
     }
-    let lossy = instances.iter().filter(|instance| instance.is_lossy).count();
+    let lossy = named(slices, |slice| slice.is_lossy).len();
     if lossy > 0 {
         warnings.push(Warning::new(
             WarningCode::LossyCompression,
             format!("{lossy} instances went through a lossy compression"),
         ));
+    }
+}
+
+/// Warns of what is not written as it should in the instances of the slices.
+pub(super) fn warn_of_writing(slices: &[Slice], instances: &[Instance], warnings: &mut Vec<Warning>) {
+    let count = |which: fn(&Instance) -> bool| {
+        let mut sources: Vec<usize> = slices.iter().map(|slice| slice.source).collect();
+        sources.sort_unstable();
+        sources.dedup();
+        sources.into_iter().filter_map(|source| instances.get(source)).filter(|one| which(one)).count()
+    };
+    for (count, code, what) in [
+        (
+            count(|one| one.is_odd),
+            WarningCode::OddEncoding,
+            "have elements or sequences that are not encoded as they should; none of them is read, they were passed \
+             over",
+        ),
+        (
+            count(|one| one.frames_are_zero),
+            WarningCode::ZeroFrames,
+            "have a NumberOfFrames (0028,0008) of 0; it was read as 1",
+        ),
+    ] {
+        if count > 0 {
+            warnings.push(Warning::new(code, format!("{count} instances {what}")));
+        }
     }
 }
 

@@ -22,7 +22,9 @@ impl SeriesError {
         self.code
     }
 
-    /// The offending instances, sorted; empty if it is not about some of them.
+    /// The offending instances, sorted; empty if it is not about some of them. Those of
+    /// `mixed_patient` and `mixed_study` stand set after set, the largest first, as the message counts
+    /// them.
     #[must_use]
     pub fn instances(&self) -> &[SopInstanceUid] {
         &self.instances

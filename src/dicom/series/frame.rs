@@ -4,6 +4,7 @@ use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 
 use crate::dicom::dataset::{DataSet, View};
+use crate::dicom::identity::Identity;
 use crate::dicom::uid::{
     FrameOfReferenceUid, SeriesInstanceUid, SopClassUid, SopInstanceUid, StudyInstanceUid,
 };
@@ -22,6 +23,14 @@ pub(super) struct Instance {
     pub(super) has_pixel_data: bool,
     pub(super) is_lossy: bool,
     pub(super) photometric: Option<String>,
+    pub(super) samples_per_pixel: Option<u16>,
+    /// Whether position or orientation stands in the data set itself.
+    pub(super) has_position: bool,
+    pub(super) identity: Identity,
+    /// Something that nobody reads is not written as it should.
+    pub(super) is_odd: bool,
+    /// Number of Frames is 0.
+    pub(super) frames_are_zero: bool,
     pub(super) matrix: Option<(u16, u16)>,
     pub(super) number: Option<i64>,
     pub(super) frames: Vec<Frame>,
@@ -32,6 +41,8 @@ pub(super) struct Instance {
 pub(super) struct Frame {
     pub(super) geometry: Option<Geometry>,
     pub(super) rescale: Option<Rescale>,
+    /// What Rescale Type says that the values are, if not Hounsfield units.
+    pub(super) other_unit: Option<&'static str>,
     pub(super) stack_id: Option<String>,
     pub(super) is_localizer: bool,
 }
@@ -73,7 +84,7 @@ impl Instance {
     /// Reads the attributes; `None` if there is no SOP Instance UID to call it by.
     pub(super) fn of(data_set: &DataSet<'_>) -> Option<Self> {
         let top = data_set.top();
-        let count = top.integer(tags::NUMBER_OF_FRAMES).unwrap_or(1);
+        let count = top.frames().unwrap_or(1);
         let shared = top.items(tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE).next();
         let per_frame: Vec<_> = top.items(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE).collect();
         let is_described =
@@ -87,7 +98,10 @@ impl Instance {
             vec![Frame::default()]
         };
         let lossy_flag = top.text(tags::LOSSY_IMAGE_COMPRESSION).is_some_and(|text| text == "01");
+        let frames_are_zero = top.integer(tags::NUMBER_OF_FRAMES) == Some(0);
         Some(Self {
+            is_odd: data_set.is_odd,
+            frames_are_zero,
             sop_class_uid: top.uid(tags::SOP_CLASS_UID),
             sop_instance_uid: top.uid(tags::SOP_INSTANCE_UID)?,
             study_instance_uid: top.uid(tags::STUDY_INSTANCE_UID),
@@ -98,6 +112,11 @@ impl Instance {
             has_pixel_data: data_set.pixels().is_some(),
             is_lossy: data_set.syntax.lossy || lossy_flag,
             photometric: top.text(tags::PHOTOMETRIC_INTERPRETATION),
+            samples_per_pixel: top.u16(tags::SAMPLES_PER_PIXEL),
+            has_position: [tags::IMAGE_POSITION_PATIENT, tags::IMAGE_ORIENTATION_PATIENT]
+                .into_iter()
+                .any(|tag| top.bytes(tag).is_some_and(|value| !value.is_empty())),
+            identity: top.identity(),
             matrix: top.u16(tags::ROWS).zip(top.u16(tags::COLUMNS)),
             number: top.integer(tags::INSTANCE_NUMBER),
             frames,
@@ -129,6 +148,7 @@ impl<'a> Groups<'a> {
         Frame {
             geometry: self.geometry(),
             rescale: self.rescale(),
+            other_unit: self.other_unit(),
             stack_id: self.group(tags::FRAME_CONTENT_SEQUENCE).and_then(|group| group.text(tags::STACK_ID)),
             is_localizer: frame_type.unwrap_or_default().iter().any(|value| value == "LOCALIZER"),
         }
@@ -160,9 +180,46 @@ impl<'a> Groups<'a> {
         let group = self.group(tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE)?;
         let [slope] = group.decimals(tags::RESCALE_SLOPE)?;
         let [intercept] = group.decimals(tags::RESCALE_INTERCEPT)?;
-        // "US" is what some scanners write for Hounsfield units; other types are not (PS3.3
-        // section C.11.1.1.2).
-        let in_hu = group.text(tags::RESCALE_TYPE).is_none_or(|unit| unit == "HU" || unit == "US");
-        (in_hu && slope != 0.0).then_some(Rescale { slope, intercept })
+        (self.other_unit().is_none() && slope != 0.0).then_some(Rescale { slope, intercept })
+    }
+
+    fn other_unit(self) -> Option<&'static str> {
+        let group = self.group(tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE)?;
+        other_unit(&group.text(tags::RESCALE_TYPE)?)
+    }
+}
+
+/// What a Rescale Type stands for (defined terms of PS3.3 section C.11.1.1.2); `None` for Hounsfield
+/// units, in the spellings that are met: case, spaces and points don't count, and "US" (unspecified) is
+/// what some scanners write.
+fn other_unit(rescale_type: &str) -> Option<&'static str> {
+    let term: String = rescale_type.chars().filter(char::is_ascii_alphanumeric).collect();
+    Some(match term.to_ascii_uppercase().as_str() {
+        "HU" | "HOUNSFIELD" | "HOUNSFIELDUNIT" | "HOUNSFIELDUNITS" | "US" => return None,
+        "HUMOD" => "modified Hounsfield units (HU_MOD)",
+        "OD" => "optical density (OD)",
+        "MGML" => "mass concentration (MGML)",
+        "ZEFF" => "effective atomic number (Z_EFF)",
+        "ED" => "electron density (ED)",
+        "EDW" => "electron density against water (EDW)",
+        "PCT" => "percent (PCT)",
+        _ => "a unit that the standard does not define",
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::other_unit;
+
+    #[test]
+    fn hounsfield_units_are_written_in_several_ways() {
+        for text in ["HU", "hu", " Hu ", "H.U.", "Hounsfield", "HOUNSFIELD UNITS", "Hounsfield Unit", "US"] {
+            assert_eq!(other_unit(text), None, "{text}");
+        }
+        for (text, unit) in
+            [("HU_MOD", "modified"), ("od", "optical"), ("Z_EFF", "atomic"), ("X", "not define")]
+        {
+            assert!(other_unit(text).is_some_and(|told| told.contains(unit)), "{text}");
+        }
     }
 }

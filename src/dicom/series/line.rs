@@ -7,7 +7,7 @@ use crate::geometry::{Vec3, add, norm, scale, sub};
 
 /// Farthest that a slice may lie off the line, mm. Positions that are rounded to 0.1 mm lie within a
 /// tenth of it.
-const OFF_LINE: f64 = 0.5;
+pub(super) const OFF_LINE: f64 = 0.5;
 /// Most that the line may lean against the slices' normal, degrees. Gantries tilt by up to 30.
 const STEEPEST: f64 = 45.0;
 

@@ -4,6 +4,7 @@ mod check;
 mod duplicates;
 mod error;
 mod frame;
+mod identity;
 mod ignored;
 mod line;
 mod orient;
@@ -64,6 +65,8 @@ pub fn read(
     observer.progress(Stage::Reading, 0.0);
     let mut warnings = Vec::new();
     let instances = attributes(source, limits, observer)?;
+    identity::one_study(&instances)?;
+    identity::one_patient(&instances)?;
     let (mut slices, ignored) = slice::candidates(&instances)?;
     ignored::warn(&ignored, &mut warnings);
     check::geometry(&slices)?;
@@ -76,18 +79,21 @@ pub fn read(
     duplicates::remove(source, &mut slices, normal, limits, &mut warnings)?;
     line::straight(&slices, normal)?;
     stack::missing(&slices, normal, &ignored)?;
+    stack::unusable(&slices, normal, &ignored)?;
+    stack::too_far_apart(&slices, normal)?;
     if slices.len() < limits.min_slices.max(2) {
         return Err(too_few(&slices, limits));
     }
     slice::only_ct(&instances)?;
-    check::photometric(&instances)?;
+    check::photometric(&slices)?;
     check::rescale(&slices)?;
 
     let geometry = slices[0].geometry();
     let orientation = Orientation::nearest(normal, geometry.down_column, geometry.along_row);
     stack::warn(&slices, normal, &mut warnings);
     orient::warn(orientation, &slices[0], &mut warnings);
-    check::warn(&slices, &instances, &mut warnings);
+    check::warn(&slices, &mut warnings);
+    check::warn_of_writing(&slices, &instances, &mut warnings);
     if orientation.slices.flipped {
         slices.reverse();
     }

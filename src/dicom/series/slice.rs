@@ -2,7 +2,7 @@
 
 use super::SeriesError;
 use super::frame::{Frame, Geometry, Instance};
-use super::ignored::Ignored;
+use super::ignored::{self, Ignored};
 use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid};
 use crate::geometry::Vec3;
 use crate::store::UnfitReason;
@@ -22,6 +22,10 @@ pub(super) struct Slice {
     pub(super) frame_of_reference_uid: Option<FrameOfReferenceUid>,
     /// Rows, columns.
     pub(super) matrix: Option<(u16, u16)>,
+    /// Photometric Interpretation of its instance.
+    pub(super) photometric: Option<String>,
+    /// Its instance went through a lossy compression.
+    pub(super) is_lossy: bool,
 }
 
 impl Slice {
@@ -36,52 +40,60 @@ impl Slice {
     }
 }
 
-/// The slices of the instances that can be some, and what is none. Among real CT slices, an instance
-/// that is none (a localizer, a screen shot, a dose report) is left out; if there are only such, all
-/// stay and the checks say what is wrong with them.
+/// The slices, and what else is among the instances (localizers, screen shots, pictures in colour, dose
+/// reports), which is left out. Of a series without any slice, those of another modality stay.
+///
+/// # Errors
+/// There is no slice.
 pub(super) fn candidates(instances: &[Instance]) -> Result<(Vec<Slice>, Vec<Ignored>), SeriesError> {
+    let all = || instances.iter().map(|instance| instance.sop_instance_uid.clone()).collect();
     if instances.iter().all(|instance| !instance.has_pixel_data) {
-        let uids = instances.iter().map(|instance| instance.sop_instance_uid.clone()).collect();
-        return Err(SeriesError::new("no_pixel_data", "no instance has pixel data; send the images", uids));
+        return Err(SeriesError::new("no_pixel_data", "no instance has pixel data; send the images", all()));
     }
-    let any_is_ct = instances.iter().any(is_ct_slice);
+    // Where nothing is computed tomography, the checks of the geometry say more than that.
+    let any_is_slice = instances.iter().any(|instance| ignored::reason(instance).is_none());
+    let stays = |reason| !any_is_slice && reason == UnfitReason::NotCt;
     let (mut slices, mut ignored) = (Vec::new(), Vec::new());
     for (source, instance) in instances.iter().enumerate() {
-        if !instance.has_pixel_data || (any_is_ct && !is_ct_slice(instance)) {
-            ignored.push(Ignored::whole(instance));
+        let (localizers, frames): (Vec<_>, Vec<_>) =
+            instance.frames.iter().enumerate().partition(|(_, frame)| frame.is_localizer);
+        if let Some(reason) = ignored::reason(instance).filter(|reason| !stays(*reason)) {
+            let frames: Vec<_> = instance.frames.iter().collect();
+            ignored.push(Ignored::new(instance, reason, &frames));
             continue;
         }
-        let localizers: Vec<_> = instance.frames.iter().filter(|frame| frame.is_localizer).collect();
         if !localizers.is_empty() {
-            ignored.push(Ignored::new(instance, UnfitReason::Localizer, &localizers));
+            let frames: Vec<_> = localizers.into_iter().map(|(_, frame)| frame).collect();
+            ignored.push(Ignored::new(instance, UnfitReason::Localizer, &frames));
         }
-        for (frame_index, frame) in
-            instance.frames.iter().enumerate().filter(|(_, frame)| !frame.is_localizer)
-        {
-            slices.push(Slice {
-                source,
-                frame_index,
-                frame: frame.clone(),
-                number: instance.number,
-                sop_instance_uid: instance.sop_instance_uid.clone(),
-                series_instance_uid: instance.series_instance_uid.clone(),
-                frame_of_reference_uid: instance.frame_of_reference_uid.clone(),
-                matrix: instance.matrix,
-            });
-        }
+        slices.extend(frames.into_iter().map(|(frame_index, frame)| Slice {
+            source,
+            frame_index,
+            frame: frame.clone(),
+            number: instance.number,
+            sop_instance_uid: instance.sop_instance_uid.clone(),
+            series_instance_uid: instance.series_instance_uid.clone(),
+            frame_of_reference_uid: instance.frame_of_reference_uid.clone(),
+            matrix: instance.matrix,
+            photometric: instance.photometric.clone(),
+            is_lossy: instance.is_lossy,
+        }));
+    }
+    if slices.is_empty() {
+        let detail = format!(
+            "no instance is a slice of a CT ({}); send the original CT series",
+            ignored::counted(&ignored)
+        );
+        return Err(SeriesError::new("not_ct", detail, all()));
     }
     Ok((slices, ignored))
 }
 
 /// Refuses a series that is not computed tomography.
 pub(super) fn only_ct(instances: &[Instance]) -> Result<(), SeriesError> {
-    if instances.iter().any(is_ct_slice) {
+    if instances.iter().any(|instance| ignored::reason(instance).is_none()) {
         return Ok(());
     }
     let uids = instances.iter().map(|instance| instance.sop_instance_uid.clone()).collect();
     Err(SeriesError::new("not_ct", "no instance is a CT slice; send the original CT series", uids))
-}
-
-fn is_ct_slice(instance: &Instance) -> bool {
-    super::ignored::reason(instance).is_none()
 }

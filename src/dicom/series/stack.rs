@@ -20,6 +20,9 @@ const WHOLE: f64 = 0.1;
 const FEW: usize = 2;
 /// Steps wider than this give a coarse surface, mm.
 const THICK: f64 = 3.0;
+/// Neighbours farther apart than this along the normal make no volume, mm: the nose of an adult is about
+/// 50 mm high (Farkas, Anthropometry of the Head and Face, 1994), no more than two such steps.
+const FARTHEST_APART: f64 = 20.0;
 /// Tilt below this is rounding, degrees.
 const NO_TILT: f64 = 0.05;
 
@@ -99,6 +102,50 @@ pub(super) fn missing(slices: &[Slice], normal: Vec3, ignored: &[Ignored]) -> Re
         }
     }
     Ok(())
+}
+
+/// Refuses a sorted stack in which an instance that can't be used lies where a slice of its own should:
+/// also where so many can't that the steps look regular.
+pub(super) fn unusable(slices: &[Slice], normal: Vec3, ignored: &[Ignored]) -> Result<(), SeriesError> {
+    let mut within: Vec<Ignored> = Vec::new();
+    for one in ignored {
+        if slices.windows(2).any(|pair| one.stands_between(&pair[0], &pair[1], normal)) {
+            within.push(one.clone());
+        }
+    }
+    if within.is_empty() {
+        return Ok(());
+    }
+    let detail = format!(
+        "slices are missing: instances that can't be used as slices lie where slices must ({}); send the original \
+         images",
+        ignored::counted(&within)
+    );
+    let all_without_pixels = within.iter().all(|one| one.instance.reason == UnfitReason::NoPixelData);
+    let code = if all_without_pixels { "no_pixel_data" } else { "missing_slice" };
+    let mut named: Vec<_> = within.into_iter().map(|one| one.instance.sop_instance_uid).collect();
+    named.sort();
+    named.dedup();
+    Err(SeriesError::new(code, detail, named))
+}
+
+/// Refuses a sorted stack of which neighbours lie so far apart that what is between them is not known.
+pub(super) fn too_far_apart(slices: &[Slice], normal: Vec3) -> Result<(), SeriesError> {
+    let step = |pair: &[Slice]| pair[1].along(normal) - pair[0].along(normal);
+    let far: Vec<&[Slice]> = slices.windows(2).filter(|pair| step(pair) > FARTHEST_APART).collect();
+    if far.is_empty() {
+        return Ok(());
+    }
+    let most = far.iter().map(|pair| step(pair)).fold(0.0, f64::max);
+    let around: Vec<Slice> = far.iter().flat_map(|pair| pair.iter().cloned()).collect();
+    Err(SeriesError::new(
+        "slices_too_far_apart",
+        format!(
+            "neighbouring slices lie up to {most:.3} mm apart, more than the {FARTHEST_APART} mm between which a \
+             surface can be told; send the series with all its slices (those named lie around the wide steps)"
+        ),
+        super::check::named(&around, |_| true),
+    ))
 }
 
 /// The error of a gap between slices: of what lies in it, or of what lies around it.

@@ -1,5 +1,6 @@
 //! Decodes the slices into Hounsfield units, in parallel, each to its place in the array.
 
+use std::fmt::Write as _;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use dicom_dictionary_std::tags;
@@ -19,12 +20,16 @@ use crate::pipeline::{Observer, Stage};
 
 /// Hounsfield units that pixels marked as padding (PS3.3 section C.7.5.1.1.2) get: air.
 const PADDING_HU: i16 = -1024;
+/// Padding above this could be tissue: half the way from air to water, HU.
+const TISSUE_HU: f64 = -500.0;
 
 /// What is counted on the way.
 #[derive(Default)]
 struct Counts {
     clipped: AtomicU64,
     padding: AtomicU64,
+    /// Of those, the ones whose value stands for tissue.
+    tissue: AtomicU64,
     done: AtomicUsize,
 }
 
@@ -55,8 +60,18 @@ pub(super) fn read(
     // The first in the order of the source, not in the order in which threads came to it.
     results.into_iter().collect::<Result<(), _>>()?;
 
+    let tissue = counts.tissue.into_inner();
+    let mut padding = "pixels are marked as padding and were set to air".to_owned();
+    if tissue > 0 {
+        let _infallible = write!(
+            padding,
+            "; {tissue} of them have a value of tissue (above {TISSUE_HU} HU): tissue of the same value was set to air \
+             too, and the surface there can't be trusted; have PixelPaddingValue (0028,0120) and \
+             PixelPaddingRangeLimit (0028,0121) corrected"
+        );
+    }
     for (count, code, what) in [
-        (counts.padding, WarningCode::Padding, "pixels are marked as padding and were set to air"),
+        (counts.padding, WarningCode::Padding, padding.as_str()),
         (counts.clipped, WarningCode::ClippedHu, "values are beyond -32768 to 32767 HU and were clipped"),
     ] {
         let count = count.into_inner();
@@ -164,17 +179,18 @@ impl Layout {
     }
 
     fn fill(&self, place: &mut [i16], stored: &[i32], to_hu: &ToHu, counts: &Counts) {
-        let (mut clipped, mut padding) = (0_u64, 0_u64);
+        let (mut clipped, mut padding, mut tissue) = (0_u64, 0_u64, 0_u64);
         for (r, row) in stored.chunks_exact(self.columns.max(1)).enumerate() {
             let r = if self.orientation.rows.flipped { self.rows - 1 - r } else { r };
             for (c, &value) in row.iter().enumerate() {
                 let c = if self.orientation.columns.flipped { self.columns - 1 - c } else { c };
+                // Truncated toward zero and clipped by the conversion.
+                let hu = (to_hu.rescale.slope * f64::from(value) + to_hu.rescale.intercept).trunc();
                 let hu = if to_hu.padding.contains(value) {
                     padding += 1;
+                    tissue += u64::from(hu > TISSUE_HU);
                     PADDING_HU
                 } else {
-                    // Truncated toward zero and clipped by the conversion.
-                    let hu = (to_hu.rescale.slope * f64::from(value) + to_hu.rescale.intercept).trunc();
                     clipped += u64::from(hu < f64::from(i16::MIN) || hu > f64::from(i16::MAX));
                     #[expect(clippy::cast_possible_truncation)]
                     {
@@ -187,6 +203,7 @@ impl Layout {
         }
         counts.clipped.fetch_add(clipped, Ordering::Relaxed);
         counts.padding.fetch_add(padding, Ordering::Relaxed);
+        counts.tissue.fetch_add(tissue, Ordering::Relaxed);
     }
 
     /// The whole array in the order of the volume, `count` slices one after another in `voxels`.

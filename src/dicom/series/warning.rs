@@ -29,7 +29,7 @@ impl Warning {
 pub struct IgnoredInstance {
     /// The instance.
     pub sop_instance_uid: SopInstanceUid,
-    /// Why it is none: `not_ct`, `no_pixel_data`, `localizer` or `secondary_capture`.
+    /// Why it is none: `not_ct`, `no_pixel_data`, `localizer`, `secondary_capture`, `colour` or `no_place`.
     pub reason: UnfitReason,
 }
 
@@ -78,4 +78,8 @@ codes! {
     IgnoredInstances = "ignored_instances",
     /// The pixels went through a lossy compression.
     LossyCompression = "lossy_compression",
+    /// Elements or sequences that nobody reads are not encoded as they should, and were passed over.
+    OddEncoding = "odd_encoding",
+    /// Number of Frames is 0 in a class without frames; it was read as 1.
+    ZeroFrames = "zero_frames",
 }

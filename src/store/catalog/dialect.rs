@@ -27,6 +27,7 @@ pub(super) const BEGIN_WRITING: &str = "BEGIN IMMEDIATE";
 pub(super) const MIGRATIONS: &[(i64, &str)] = &[
     (1, include_str!("schema/sqlite/0001_catalog.sql")),
     (2, include_str!("schema/sqlite/0002_quality.sql")),
+    (4, include_str!("schema/sqlite/0004_identity.sql")),
     (5, include_str!("schema/sqlite/0005_results.sql")),
 ];
 

@@ -166,8 +166,8 @@ async fn upsert_series(connection: &mut Connection, new: &NewInstance, now: i64)
     .bind(header.frame_of_reference_uid.as_ref().map(|uid| uid.as_str()))
     .bind(header.modality.as_deref())
     .bind(header.series_description.as_deref())
-    .bind(header.patient_id.as_deref())
-    .bind(header.accession_number.as_deref())
+    .bind(header.identity.patient_id.as_deref())
+    .bind(header.identity.accession_number.as_deref())
     .bind(signed(new.size))
     .bind(now)
     .execute(connection)
@@ -180,8 +180,10 @@ async fn insert(connection: &mut Connection, new: &NewInstance, now: i64) -> Res
     sqlx::query(
         "INSERT INTO instances (sop_uid, series_uid, study_uid, sop_class_uid, transfer_syntax_uid, \
          frame_of_reference_uid, modality, image_type, description, patient_id, accession_number, frames, pixel_rows, \
-         pixel_columns, has_pixel_data, blob, size, data_set_sha256, received_ms) \
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19)",
+         pixel_columns, has_pixel_data, blob, size, data_set_sha256, received_ms, photometric, samples_per_pixel, \
+         has_position, has_identity, issuer_of_patient_id, patient_name, patient_birth_date, patient_sex) \
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, $20, $21, $22, \
+         TRUE, $23, $24, $25, $26)",
     )
     .bind(header.sop_instance_uid.as_str())
     .bind(header.series_instance_uid.as_str())
@@ -192,8 +194,8 @@ async fn insert(connection: &mut Connection, new: &NewInstance, now: i64) -> Res
     .bind(header.modality.as_deref())
     .bind(header.image_type.join("\\"))
     .bind(header.series_description.as_deref())
-    .bind(header.patient_id.as_deref())
-    .bind(header.accession_number.as_deref())
+    .bind(header.identity.patient_id.as_deref())
+    .bind(header.identity.accession_number.as_deref())
     .bind(i64::from(header.frames))
     .bind(header.rows.map(i64::from))
     .bind(header.columns.map(i64::from))
@@ -202,6 +204,13 @@ async fn insert(connection: &mut Connection, new: &NewInstance, now: i64) -> Res
     .bind(signed(new.size))
     .bind(new.data_set_sha256.as_slice())
     .bind(now)
+    .bind(header.photometric.as_deref())
+    .bind(header.samples_per_pixel.map(i64::from))
+    .bind(header.has_position)
+    .bind(header.identity.issuer_of_patient_id.as_deref())
+    .bind(header.identity.patient_name.as_deref())
+    .bind(header.identity.patient_birth_date.as_deref())
+    .bind(header.identity.patient_sex.as_deref())
     .execute(connection)
     .await?;
     Ok(())

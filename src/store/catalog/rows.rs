@@ -8,6 +8,7 @@ use sqlx::error::BoxDynError;
 
 use super::dialect::Row;
 use crate::dicom::header::InstanceHeader;
+use crate::dicom::identity::Identity;
 use crate::error::Error;
 use crate::pipeline::Stage;
 use crate::store::records::{
@@ -152,17 +153,30 @@ pub(super) fn instance(row: &Row) -> Result<InstanceRecord> {
                 image_type.split('\\').map(str::to_owned).collect()
             },
             series_description: row.try_get("description")?,
-            patient_id: row.try_get("patient_id")?,
-            accession_number: row.try_get("accession_number")?,
+            identity: identity(row)?,
             frames: number(row, "frames")?,
             rows: maybe_number(row, "pixel_rows")?,
             columns: maybe_number(row, "pixel_columns")?,
             has_pixel_data: row.try_get("has_pixel_data")?,
+            photometric: row.try_get("photometric")?,
+            samples_per_pixel: maybe_number(row, "samples_per_pixel")?,
+            has_position: row.try_get("has_position")?,
         },
         blob: row.try_get("blob")?,
         size: number(row, "size")?,
         data_set_sha256: sha256(row, "data_set_sha256")?,
         received_ms: row.try_get("received_ms")?,
+    })
+}
+
+pub(super) fn identity(row: &Row) -> Result<Identity> {
+    Ok(Identity {
+        patient_id: row.try_get("patient_id")?,
+        issuer_of_patient_id: row.try_get("issuer_of_patient_id")?,
+        patient_name: row.try_get("patient_name")?,
+        patient_birth_date: row.try_get("patient_birth_date")?,
+        patient_sex: row.try_get("patient_sex")?,
+        accession_number: row.try_get("accession_number")?,
     })
 }
 
