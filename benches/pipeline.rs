@@ -61,13 +61,15 @@ fn outliers(c: &mut Criterion) {
     let mut group = c.benchmark_group("outliers of a cloud");
     group.sample_size(10);
     group.bench_function("radius: ours", |b| {
-        b.iter(|| radius_outlier::kept(black_box(&cloud.points), &defaults.radius_outlier));
+        b.iter(|| radius_outlier::kept(black_box(&cloud.points), &defaults.radius_outlier, &Silent));
     });
     group.bench_function("radius: kiddo", |b| {
         b.iter(|| twins::kiddo_radius(black_box(&cloud.points), &defaults.radius_outlier));
     });
     group.bench_function("statistical: ours", |b| {
-        b.iter(|| statistical_outlier::kept(black_box(&cloud.points), &defaults.statistical_outlier));
+        b.iter(|| {
+            statistical_outlier::kept(black_box(&cloud.points), &defaults.statistical_outlier, &Silent)
+        });
     });
     group.finish();
 }

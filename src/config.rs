@@ -10,6 +10,7 @@ use crate::dicom::ae_title::AeTitle;
 use crate::dicom::scan::Limits;
 use crate::dicom::series::ReadLimits;
 use crate::http::is_host;
+use crate::memory;
 use crate::pipeline::Parameters;
 
 /// `config/triplanar.toml`: explains every setting and *is* the defaults.
@@ -38,6 +39,7 @@ pub struct Config {
     pub dimse: Dimse,
     pub intake: Intake,
     pub jobs: Jobs,
+    pub memory: Memory,
     pub pipeline: Parameters,
     pub log: Log,
 }
@@ -160,6 +162,28 @@ pub struct Jobs {
     pub max_voxels: u64,
 }
 
+/// Section `memory`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[expect(missing_docs, reason = "config/triplanar.toml explains every setting, once")]
+pub struct Memory {
+    pub budget_bytes: u64,
+}
+
+/// The budget where the system does not tell how much memory there is: 2 GiB.
+const UNKNOWN_MACHINE: u64 = 2 << 30;
+
+impl Memory {
+    /// A budget of `budget_bytes`; 0: half of what this process may use.
+    #[must_use]
+    pub fn budget(&self) -> memory::Memory {
+        memory::Memory::new(match self.budget_bytes {
+            0 => memory::available_bytes().map_or(UNKNOWN_MACHINE, |bytes| bytes / 2),
+            bytes => bytes,
+        })
+    }
+}
+
 /// Section `log`.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -178,6 +202,9 @@ pub enum LogFormat {
     /// One JSON object a line.
     Json,
 }
+
+/// Less memory than this does not hold a volume of 64 slices of 256².
+const LEAST_BUDGET: u64 = 64 << 20;
 
 /// What is wrong with the settings, and what to write instead.
 #[derive(Debug, thiserror::Error)]
@@ -286,6 +313,11 @@ impl Config {
         ] {
             range(setting, value > 0, "must be at least 1")?;
         }
+        range(
+            "memory.budget_bytes",
+            self.memory.budget_bytes == 0 || self.memory.budget_bytes >= LEAST_BUDGET,
+            "0 (half of the machine's memory), or at least 67108864 bytes (64 MiB)",
+        )?;
         self.pipeline.check().map_err(|e| ConfigError::Range { setting: "pipeline", detail: e.to_string() })
     }
 
@@ -296,6 +328,7 @@ impl Config {
             max_voxels: self.jobs.max_voxels,
             scan: Limits { max_inflated_bytes: self.intake.max_inflated_bytes, ..Limits::default() },
             min_slices: self.intake.min_slices,
+            memory: memory::Memory::unlimited(),
         }
     }
 

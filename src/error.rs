@@ -231,8 +231,11 @@ impl Error {
 
     /// A file of a reconstruction's result can't be read.
     pub(crate) fn of_result(id: crate::store::ReconstructionId, error: std::io::Error) -> Self {
-        match crate::store::Damage::of(&error) {
-            Some(damage) => Self::ResultDamaged { id, damage: damage.to_string() },
+        let cause = error.get_ref();
+        let damage = cause.and_then(|cause| cause.downcast_ref::<crate::store::Damage>());
+        let no_cloud = cause.and_then(|cause| cause.downcast_ref::<crate::cloud::ply::PlyError>());
+        match damage.map(ToString::to_string).or_else(|| no_cloud.map(ToString::to_string)) {
+            Some(damage) => Self::ResultDamaged { id, damage },
             None => error.into(),
         }
     }
@@ -288,6 +291,12 @@ impl Error {
             Self::Internal(_) => ("internal", "Internal error", 0x0110, 500),
         };
         Mapping { code, title, dimse_status, http_status }
+    }
+}
+
+impl From<crate::memory::NoMemory> for Error {
+    fn from(_: crate::memory::NoMemory) -> Self {
+        Self::Busy("the memory budget is in use (memory.budget_bytes)")
     }
 }
 

@@ -21,6 +21,7 @@
 //! | [`phantom`] | a synthetic head CT whose skin is known exactly |
 //! | [`cli`] | the command line |
 //! | [`error`] | what can be refused, and its one mapping to DIMSE status and problem+json |
+//! | [`memory`] | the one budget of memory for jobs, decoding and answers |
 //! | [`telemetry`] | metrics and log set-up |
 //! | [`service`] | starts all of it, stops all of it |
 //!
@@ -41,6 +42,7 @@ pub mod geometry;
 pub mod http;
 pub mod intake;
 pub mod jobs;
+pub mod memory;
 pub mod phantom;
 pub mod pipeline;
 pub mod reconstruction;

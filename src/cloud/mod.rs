@@ -7,7 +7,7 @@ mod max_error;
 mod metadata;
 mod point_cloud;
 
-pub use formats::{Format, UnknownFormat, encode, ply};
+pub use formats::{Conversion, ConversionError, Converting, Format, UnknownFormat, encode, ply};
 pub use max_error::{InvalidMaxError, MaxError};
 pub use metadata::Metadata;
 pub use point_cloud::{NoErrors, PointCloud};

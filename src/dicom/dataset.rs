@@ -13,6 +13,7 @@ use super::scan::{Encoding, Event, Layout, Limits, ScanError, Seekable, Span, Wa
 use super::sop_class;
 use super::transfer_syntax::TransferSyntax;
 use super::uid::SopClassUid;
+use crate::memory::{Memory, Share};
 
 /// What is kept of the walk. Everything else is passed over.
 const WANTED: [Tag; 47] = [
@@ -97,11 +98,21 @@ pub(crate) enum RawPixels<'a> {
 impl<'a> DataSet<'a> {
     /// Walks over a Part 10 file.
     pub(crate) fn open(bytes: &'a [u8], limits: &Limits) -> Result<Self, ScanError> {
+        Self::open_within(bytes, limits, &mut Memory::unlimited().share(), &|| false)
+    }
+
+    /// The same, with memory for what it inflates taken as it grows; ends early where `stop` says so.
+    pub(crate) fn open_within(
+        bytes: &'a [u8],
+        limits: &Limits,
+        memory: &mut Share,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Self, ScanError> {
         let (offset, syntax) = begin(&mut Cursor::new(bytes), &Encoding::Part10)?;
         let start = usize::try_from(offset).unwrap_or(usize::MAX);
         let data_set = bytes.get(start..).unwrap_or_default();
         let bytes = if syntax.deflated() {
-            Cow::Owned(inflate(data_set, limits.max_inflated_bytes)?)
+            Cow::Owned(inflate(data_set, limits.max_inflated_bytes, memory, stop)?)
         } else {
             Cow::Borrowed(data_set)
         };
@@ -143,16 +154,37 @@ fn slice(bytes: &[u8], span: Span) -> &[u8] {
     bytes.get(start..start.saturating_add(length)).unwrap_or_default()
 }
 
-fn inflate(bytes: &[u8], limit: u64) -> Result<Vec<u8>, ScanError> {
+/// What is inflated before memory is asked for again, bytes.
+const INFLATED_AT_A_TIME: usize = 4 << 20;
+
+fn inflate(
+    bytes: &[u8],
+    limit: u64,
+    memory: &mut Share,
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<u8>, ScanError> {
     let mut inflated = Vec::new();
-    DeflateDecoder::new(bytes)
-        .take(limit.saturating_add(1))
-        .read_to_end(&mut inflated)
-        .map_err(|_| ScanError::Malformed("its deflated data set can't be inflated".into()))?;
-    if inflated.len() as u64 > limit {
-        return Err(ScanError::InflatesTooMuch { limit_bytes: limit });
+    let mut decoder = DeflateDecoder::new(bytes).take(limit.saturating_add(1));
+    loop {
+        if stop() {
+            return Err(ScanError::Stopped);
+        }
+        if inflated.capacity() - inflated.len() < INFLATED_AT_A_TIME {
+            let more = INFLATED_AT_A_TIME.max(inflated.len() / 2);
+            memory.grow(more as u64)?;
+            inflated.reserve_exact(more);
+        }
+        let read = (&mut decoder)
+            .take(INFLATED_AT_A_TIME as u64)
+            .read_to_end(&mut inflated)
+            .map_err(|_| ScanError::Malformed("its deflated data set can't be inflated".into()))?;
+        if inflated.len() as u64 > limit {
+            return Err(ScanError::InflatesTooMuch { limit_bytes: limit });
+        }
+        if read == 0 {
+            return Ok(inflated);
+        }
     }
-    Ok(inflated)
 }
 
 /// A sequence that is open on the walk.

@@ -16,6 +16,10 @@ pub trait InstanceSource: Sync {
     /// # Errors
     /// Whatever the storage says.
     fn read(&self, index: usize) -> io::Result<Vec<u8>>;
+    /// Bytes of the instance at `index`, where that is known before it is read.
+    fn size(&self, _index: usize) -> Option<u64> {
+        None
+    }
 }
 
 /// Instances that are files.
@@ -28,5 +32,8 @@ impl InstanceSource for Files {
     }
     fn read(&self, index: usize) -> io::Result<Vec<u8>> {
         std::fs::read(&self.0[index])
+    }
+    fn size(&self, index: usize) -> Option<u64> {
+        self.0.get(index)?.metadata().ok().map(|file| file.len())
     }
 }

@@ -10,6 +10,7 @@ use super::volumes::Volumes;
 use crate::config::Config;
 use crate::intake::Intake;
 use crate::jobs::Jobs;
+use crate::memory::Memory;
 use crate::store::Store;
 use crate::telemetry::Metrics;
 
@@ -42,6 +43,8 @@ pub(super) struct Context {
     pub(super) hosts: Arc<Hosts>,
     /// Volumes for slice pictures.
     pub(super) volumes: Arc<Volumes>,
+    /// The budget for answers, jobs and decoding.
+    pub(super) memory: Memory,
     /// Ends the streams of events.
     pub(super) shutdown: CancellationToken,
 }
@@ -58,6 +61,7 @@ impl Context {
             );
         }
         let volumes = Arc::new(Volumes::new(store.clone(), &config, jobs.threads()));
-        Self { store, intake, jobs, config, metrics, uploads, hosts, volumes, shutdown }
+        let memory = jobs.memory();
+        Self { store, intake, jobs, config, metrics, uploads, hosts, volumes, memory, shutdown }
     }
 }

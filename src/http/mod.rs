@@ -7,6 +7,7 @@
 
 mod auth;
 mod body;
+mod content;
 mod context;
 mod describe;
 mod extract;
@@ -21,6 +22,7 @@ mod representation;
 mod resources;
 mod router;
 mod server;
+mod stored;
 mod stow;
 mod timed_io;
 mod upload;

@@ -1,11 +1,9 @@
-//! Whole representations in memory (clouds, reports, pictures), served with a strong ETag,
-//! If-Match,
+//! Representations of clouds, reports and pictures, served with a strong ETag, If-Match,
 //! If-None-Match, Range, If-Range, HEAD and gzip (RFC 9110 sections 8.4, 8.8, 13, 14).
 //!
 //! Each content coding is a representation of its own with an ETag of its own; a range is always
 //! one of the bytes without coding.
 
-use std::io::Write;
 use std::ops::Range;
 
 use axum::body::Body;
@@ -13,21 +11,22 @@ use axum::http::header::{
     ACCEPT_ENCODING, ACCEPT_RANGES, CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_ENCODING, CONTENT_LENGTH,
     CONTENT_RANGE, CONTENT_TYPE, ETAG, IF_MATCH, IF_NONE_MATCH, IF_RANGE, RANGE, VARY,
 };
+use axum::http::response::Builder;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode};
 use axum::response::Response;
 use bytes::Bytes;
-use sha2::{Digest, Sha256};
 
+use super::content::Content;
 use crate::error::{Error, Result};
 
 /// Shorter ones are not worth a coding.
-const MIN_GZIP_BYTES: usize = 1024;
+const MIN_GZIP_BYTES: u64 = 1024;
 
 /// What a resource looks like in one media type.
 #[derive(Debug, Clone)]
-pub(super) struct Representation {
+pub(super) struct Representation<C = Bytes> {
     /// The bytes without any content coding.
-    pub(super) bytes: Bytes,
+    pub(super) bytes: C,
     /// Content-Type.
     pub(super) media_type: &'static str,
     /// The file name that a browser saves it under; without one it is shown.
@@ -38,20 +37,20 @@ pub(super) struct Representation {
     pub(super) vary: &'static str,
 }
 
-impl Representation {
-    /// The answer to a GET or HEAD with these headers. Hashes and compresses: not for tokio's
+impl<C: Content> Representation<C> {
+    /// The answer to a GET or HEAD with these headers. Hashes, reads and compresses: not for tokio's
     /// threads.
     ///
     /// # Errors
     /// [`Error::PreconditionFailed`], [`Error::RangeNotSatisfiable`].
     pub(super) fn respond(self, method: &Method, headers: &HeaderMap) -> Result<Response> {
-        let hash = hex::encode(&Sha256::digest(&self.bytes)[..16]);
+        let hash = self.bytes.tag();
         let (identity_tag, gzip_tag) = (format!("\"{hash}\""), format!("\"{hash}-gzip\""));
         // Range is defined for GET alone.
         let range = headers.get(RANGE).filter(|_| method == Method::GET);
         let gzip = self.compressible
             && range.is_none()
-            && self.bytes.len() >= MIN_GZIP_BYTES
+            && self.bytes.length() >= MIN_GZIP_BYTES
             && accepts_gzip(headers);
         let tag = if gzip { gzip_tag } else { identity_tag };
 
@@ -60,57 +59,70 @@ impl Representation {
             return Err(Error::PreconditionFailed);
         }
         if list_holds(headers, &tag) {
-            return self.response(StatusCode::NOT_MODIFIED, &tag, Bytes::new(), &[]);
+            return self
+                .head(StatusCode::NOT_MODIFIED, &tag, None, &[])?
+                .body(Body::empty())
+                .map_err(Error::internal);
         }
         let if_range_holds =
             headers.get(IF_RANGE).is_none_or(|validator| validator.as_bytes() == tag.as_bytes());
+        let length = self.bytes.length();
         if let Some(range) = range.filter(|_| if_range_holds).and_then(|value| value.to_str().ok()) {
-            let length = self.bytes.len();
             match requested(range, length) {
                 Requested::Part(part) => {
                     let content_range = format!("bytes {}-{}/{length}", part.start, part.end - 1);
-                    let bytes = self.bytes.slice(part);
                     let more = [(CONTENT_RANGE, content_range)];
-                    return self.response(StatusCode::PARTIAL_CONTENT, &tag, bytes, &more);
+                    let head =
+                        self.head(StatusCode::PARTIAL_CONTENT, &tag, Some(part.end - part.start), &more)?;
+                    return head.body(self.bytes.part(part)?).map_err(Error::internal);
                 }
                 Requested::Outside => {
-                    return Err(Error::RangeNotSatisfiable { length: length as u64 });
+                    return Err(Error::RangeNotSatisfiable { length });
                 }
                 Requested::Whole => {}
             }
         }
         if gzip {
-            let bytes = compressed(&self.bytes)?;
-            return self.response(StatusCode::OK, &tag, bytes, &[(CONTENT_ENCODING, "gzip".to_owned())]);
+            let coding = [(CONTENT_ENCODING, "gzip".to_owned())];
+            let mut head = self.head(StatusCode::OK, &tag, None, &coding)?;
+            let (body, length) = self.bytes.gzip()?;
+            if let Some(length) = length {
+                head = head.header(CONTENT_LENGTH, length);
+            }
+            return head.body(body).map_err(Error::internal);
         }
-        self.response(StatusCode::OK, &tag, self.bytes.clone(), &[])
+        let head = self.head(StatusCode::OK, &tag, Some(length), &[])?;
+        // The body of an answer to HEAD is not sent; nothing is read for it.
+        let body = if method == Method::HEAD { Body::empty() } else { self.bytes.part(0..length)? };
+        head.body(body).map_err(Error::internal)
     }
 
-    fn response(
+    /// The answer without its body, of which the length may be known.
+    fn head(
         &self,
         status: StatusCode,
         tag: &str,
-        bytes: Bytes,
+        length: Option<u64>,
         more: &[(HeaderName, String)],
-    ) -> Result<Response> {
+    ) -> Result<Builder> {
         let mut response = Response::builder()
             .status(status)
             .header(ETAG, tag)
             .header(VARY, self.vary)
             .header(CACHE_CONTROL, "private, no-cache");
         if status != StatusCode::NOT_MODIFIED {
-            response = response
-                .header(CONTENT_TYPE, self.media_type)
-                .header(CONTENT_LENGTH, bytes.len())
-                .header(ACCEPT_RANGES, "bytes");
+            response = response.header(CONTENT_TYPE, self.media_type).header(ACCEPT_RANGES, "bytes");
             if let Some(name) = &self.file_name {
                 response = response.header(CONTENT_DISPOSITION, format!("attachment; filename=\"{name}\""));
             }
         }
+        if let Some(length) = length {
+            response = response.header(CONTENT_LENGTH, length);
+        }
         for (name, value) in more {
             response = response.header(name, HeaderValue::from_str(value).map_err(Error::internal)?);
         }
-        response.body(Body::from(bytes)).map_err(Error::internal)
+        Ok(response)
     }
 }
 
@@ -147,23 +159,16 @@ fn accepts_gzip(headers: &HeaderMap) -> bool {
     any
 }
 
-/// The same bytes for the same input: no time stands in the header.
-fn compressed(bytes: &[u8]) -> Result<Bytes> {
-    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    encoder.write_all(bytes).map_err(Error::internal)?;
-    Ok(encoder.finish().map_err(Error::internal)?.into())
-}
-
 #[derive(Debug, PartialEq, Eq)]
 enum Requested {
-    Part(Range<usize>),
+    Part(Range<u64>),
     Outside,
     /// No range that can be read, or several: the whole is a right answer to these.
     Whole,
 }
 
 /// Reads `bytes=first-last`, `bytes=first-` or `bytes=-last`.
-fn requested(range: &str, length: usize) -> Requested {
+fn requested(range: &str, length: u64) -> Requested {
     let Some((unit, set)) = range.split_once('=') else { return Requested::Whole };
     let Some((first, last)) = set.trim().split_once('-') else { return Requested::Whole };
     if !unit.trim().eq_ignore_ascii_case("bytes") || set.contains(',') {
@@ -171,7 +176,7 @@ fn requested(range: &str, length: usize) -> Requested {
     }
     let number = |text: &str| {
         let digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
-        digits.then(|| text.parse::<usize>().unwrap_or(usize::MAX))
+        digits.then(|| text.parse::<u64>().unwrap_or(u64::MAX))
     };
     let part = match (number(first.trim()), number(last.trim())) {
         (Some(first), Some(last)) if first <= last => first..last.saturating_add(1).min(length),

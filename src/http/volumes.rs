@@ -104,7 +104,7 @@ impl Volumes {
         let instances = self.store.instances_of(record).await?;
         let turn = Arc::clone(&self.reading).lock_owned().await;
         let source = self.store.instance_source(&instances);
-        let (limits, place) = (self.limits, place.clone());
+        let (limits, place) = (self.limits.clone(), place.clone());
         // A client that goes away stops no thread: until it has ended, place and turn are taken.
         let threads = Arc::clone(&self.threads);
         let reading = tokio::task::spawn_blocking(move || {

@@ -45,7 +45,7 @@ impl Shared {
             Err(error) => return Ended::Failed(failure_of(&error)),
         };
         let parameters = claim.reconstruction.parameters.clone();
-        let limits = self.limits;
+        let limits = self.limits.clone();
         let (threads, observer, work) = (Arc::clone(&self.threads), Arc::clone(watch), self.work);
         let mut running = tokio::task::spawn_blocking(move || {
             threads.install(|| work(&source, &parameters, &limits, &*observer))

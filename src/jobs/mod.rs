@@ -39,6 +39,7 @@ use crate::dicom::series::ReadLimits;
 use crate::dicom::source::InstanceSource;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
+use crate::memory::Memory;
 use crate::pipeline::{Observer, Parameters};
 use crate::reconstruction::{self, Failure, Product};
 use crate::store::{Reclaim, ReconstructionId, ReconstructionRecord, ReconstructionState, Store};
@@ -89,7 +90,7 @@ impl Jobs {
         let shared = Shared {
             store,
             settings: config.jobs.clone(),
-            limits: config.read_limits(),
+            limits: ReadLimits { memory: config.memory.budget(), ..config.read_limits() },
             metrics,
             hub: Arc::default(),
             wakeup: Arc::default(),
@@ -109,6 +110,11 @@ impl Jobs {
     /// The pipeline's threads, for what else needs them.
     pub(crate) fn threads(&self) -> Arc<rayon::ThreadPool> {
         Arc::clone(&self.shared.threads)
+    }
+
+    /// The budget of memory, for what else needs some.
+    pub(crate) fn memory(&self) -> Memory {
+        self.shared.limits.memory.clone()
     }
 
     /// Asks for a reconstruction of the latest revision of a complete series. The same parameters

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use proptest::prelude::*;
 
 use super::cells::squared_distance;
+use super::observer::Silent;
 use super::parameters::{RadiusOutlier, StatisticalOutlier};
 use super::unique::unique;
 use super::voxel_grid::voxel_grid;
@@ -68,7 +69,7 @@ proptest! {
         radius in prop::sample::select(vec![0.25_f32, 1.0, 2.5, 5.0, 30.0]),
         min_neighbours in 1..40_u32,
     ) {
-        let kept = radius_outlier::kept(&points, &RadiusOutlier { radius_mm: radius, min_neighbours });
+        let kept = radius_outlier::kept(&points, &RadiusOutlier { radius_mm: radius, min_neighbours }, &Silent).unwrap();
         for (&point, kept) in points.iter().zip(kept) {
             let near = points.iter().filter(|&&p| squared_distance(point, p) <= radius * radius).count();
             prop_assert_eq!(kept, near > min_neighbours as usize);
@@ -81,7 +82,7 @@ proptest! {
         neighbours in 1..30_u32,
         deviations in 0.0..3.0_f64,
     ) {
-        let kept = statistical_outlier::kept(&points, &StatisticalOutlier { neighbours, deviations });
+        let kept = statistical_outlier::kept(&points, &StatisticalOutlier { neighbours, deviations }, &Silent).unwrap();
         prop_assert_eq!(kept.len(), points.len());
         let others = (neighbours as usize).min(points.len().saturating_sub(1));
         let means: Vec<f64> = points
@@ -123,7 +124,7 @@ fn a_cell_so_small_that_there_are_more_than_2_to_the_63_is_no_obstacle() {
     };
     assert_eq!(voxel_grid(&cloud, 0.05).len(), 3);
     let radius = RadiusOutlier { radius_mm: 0.1, min_neighbours: 1 };
-    assert_eq!(radius_outlier::kept(&cloud.points, &radius), [false; 3]);
+    assert_eq!(radius_outlier::kept(&cloud.points, &radius, &Silent).unwrap(), [false; 3]);
     assert_eq!(unique(&cloud.points, &cloud.points, 1.0), [false; 3]);
 }
 
@@ -132,17 +133,23 @@ fn filters_that_are_switched_off_keep_everything() {
     let points = [[0.0; 3], [1e3; 3]];
     let radius = RadiusOutlier { radius_mm: 1.0, min_neighbours: 0 };
     let statistical = StatisticalOutlier { neighbours: 0, deviations: 0.0 };
-    assert_eq!(radius_outlier::kept(&points, &radius), [true, true]);
-    assert_eq!(statistical_outlier::kept(&points, &statistical), [true, true]);
+    assert_eq!(radius_outlier::kept(&points, &radius, &Silent).unwrap(), [true, true]);
+    assert_eq!(statistical_outlier::kept(&points, &statistical, &Silent).unwrap(), [true, true]);
 }
 
 #[test]
 fn clouds_of_few_points_and_of_many_equal_ones_are_no_obstacle() {
     let filter = StatisticalOutlier::default();
-    assert!(statistical_outlier::kept(&[], &filter).is_empty());
-    assert_eq!(statistical_outlier::kept(&[[1.0; 3]], &filter), [true]);
-    assert_eq!(statistical_outlier::kept(&[[1.0; 3], [2.0; 3]], &filter), [true, true]);
-    assert_eq!(statistical_outlier::kept(&[[1.0; 3]; 5_000], &filter), [true; 5_000]);
-    assert_eq!(radius_outlier::kept(&[[1.0; 3]; 251], &RadiusOutlier::default()), [true; 251]);
-    assert_eq!(radius_outlier::kept(&[[1.0; 3]; 250], &RadiusOutlier::default()), [false; 250]);
+    assert!(statistical_outlier::kept(&[], &filter, &Silent).unwrap().is_empty());
+    assert_eq!(statistical_outlier::kept(&[[1.0; 3]], &filter, &Silent).unwrap(), [true]);
+    assert_eq!(statistical_outlier::kept(&[[1.0; 3], [2.0; 3]], &filter, &Silent).unwrap(), [true, true]);
+    assert_eq!(statistical_outlier::kept(&[[1.0; 3]; 5_000], &filter, &Silent).unwrap(), [true; 5_000]);
+    assert_eq!(
+        radius_outlier::kept(&[[1.0; 3]; 251], &RadiusOutlier::default(), &Silent).unwrap(),
+        [true; 251]
+    );
+    assert_eq!(
+        radius_outlier::kept(&[[1.0; 3]; 250], &RadiusOutlier::default(), &Silent).unwrap(),
+        [false; 250]
+    );
 }

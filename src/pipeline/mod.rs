@@ -30,6 +30,7 @@ mod cells;
 mod cloud_tests;
 pub mod contour;
 pub mod decisions;
+mod effort;
 pub mod lift;
 pub mod mask;
 mod observer;

@@ -2,9 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::effort::Effort;
+use super::observer::Observer;
 use super::precise::{NoSkin, Quality, Stretch};
 use super::rejection::Rejection;
-use super::unique::unique;
+use super::unique::unique_within;
 use crate::cloud::PointCloud;
 use crate::geometry::Plane;
 
@@ -123,6 +125,19 @@ pub enum PipelineError {
         /// A row for every slice, all of them rejected.
         partial: Box<Reconstruction>,
     },
+    /// The points and the parameters together ask for more than may be computed.
+    #[error(
+        "with these points {parameters} ask for {tests} tests of distances; {limit} are allowed: choose a larger \
+         leaf_mm, or a smaller radius or fewer neighbours"
+    )]
+    TooCostly {
+        /// The parameters that decide how much there is to do.
+        parameters: &'static str,
+        /// Tests of distances, at least.
+        tests: u64,
+        /// The limit.
+        limit: u64,
+    },
     /// The observer asked to stop.
     #[error("cancelled")]
     Cancelled,
@@ -135,6 +150,7 @@ impl PipelineError {
         match self {
             Self::EmptyCloud { .. } => "empty_cloud",
             Self::NoSkin { cause, .. } => cause.code(),
+            Self::TooCostly { .. } => "too_costly",
             Self::Cancelled => "cancelled",
         }
     }
@@ -152,13 +168,22 @@ impl Reconstruction {
     }
 
     /// Marks the unique points of every cloud and counts those of the result.
-    pub(super) fn mark_unique(&mut self, distance_mm: f32) {
+    ///
+    /// # Errors
+    /// [`PipelineError::Cancelled`], [`PipelineError::TooCostly`].
+    pub(super) fn mark_unique(
+        &mut self,
+        distance_mm: f32,
+        observer: &dyn Observer,
+    ) -> Result<(), PipelineError> {
         let axial = self.uniplanar[Plane::Axial.index()].points.clone();
+        let effort = Effort::of(observer, "leaf_mm and unique_distance_mm");
         for cloud in self.uniplanar.iter_mut().chain([&mut self.triplanar]) {
-            cloud.unique = unique(&cloud.points, &axial, distance_mm);
+            cloud.unique = unique_within(&cloud.points, &axial, distance_mm, &effort)?;
         }
         self.figures.unique = self.triplanar.unique.iter().filter(|&&u| u).count() as u64;
         self.figures.unique_share = share(self.figures.unique.cast_signed(), self.figures.after_statistical);
+        Ok(())
     }
 
     pub(super) fn unless_empty(self, stage: &'static str) -> Result<Self, PipelineError> {

@@ -24,9 +24,14 @@ pub(super) fn reconstruct(
 
     enter(observer, Stage::Downsampling)?;
     let raw = lift(&decisions, &volume.grid);
+    let thinned = |cloud: &PointCloud| {
+        let thinned = voxel_grid(cloud, parameters.leaf_mm);
+        progress(observer, Stage::Downsampling, 0.0).map(|()| thinned)
+    };
+    let [axial, sagittal, coronal] = &raw;
     let mut result = Reconstruction {
         triplanar: PointCloud::default(),
-        uniplanar: raw.each_ref().map(|cloud| voxel_grid(cloud, parameters.leaf_mm)),
+        uniplanar: [thinned(axial)?, thinned(sagittal)?, thinned(coronal)?],
         figures: Figures {
             raw: raw.each_ref().map(count),
             outside_axial_box: outside_axial_box(&decisions, &raw),
@@ -38,23 +43,24 @@ pub(super) fn reconstruct(
     drop(raw);
     result.triplanar = voxel_grid(&concatenated(&result.uniplanar), parameters.leaf_mm);
     result.note_merged();
-    observer.progress(Stage::Downsampling, 1.0);
+    progress(observer, Stage::Downsampling, 1.0)?;
     let mut result = result.unless_empty("the tests of the slices")?;
 
     enter(observer, Stage::Outliers)?;
-    let keep = radius_outlier::kept(&result.triplanar.points, &parameters.radius_outlier);
+    let keep = radius_outlier::kept(&result.triplanar.points, &parameters.radius_outlier, observer)?;
     result.triplanar.retain(&keep);
     result.figures.after_radius = count(&result.triplanar);
     let mut result = result.unless_empty("radius outlier removal")?;
     progress(observer, Stage::Outliers, 0.3)?;
 
-    let keep = statistical_outlier::kept(&result.triplanar.points, &parameters.statistical_outlier);
+    let filter = &parameters.statistical_outlier;
+    let keep = statistical_outlier::kept(&result.triplanar.points, filter, observer)?;
     result.triplanar.retain(&keep);
     result.figures.after_statistical = count(&result.triplanar);
     let mut result = result.unless_empty("statistical outlier removal")?;
     progress(observer, Stage::Outliers, 0.8)?;
 
-    result.mark_unique(parameters.unique_distance_mm);
+    result.mark_unique(parameters.unique_distance_mm, observer)?;
     observer.progress(Stage::Outliers, 1.0);
     Ok(result)
 }

@@ -32,6 +32,17 @@ impl Profile {
     /// All profiles.
     pub const ALL: [Self; 2] = [Self::Paper, Self::Precise];
 
+    /// Memory that a reconstruction takes at its peak for each voxel, bytes: the volume of 16 bits and
+    /// what the steps make of it. Measured on a 512 × 512 × 145 head at leaves of 1 and 0.2 mm: 2.9 and
+    /// 3.3 (`paper`), 12.0 and 12.6 (`precise`).
+    #[must_use]
+    pub fn bytes_a_voxel(self) -> u64 {
+        match self {
+            Self::Paper => 4,
+            Self::Precise => 13,
+        }
+    }
+
     /// The one name in configuration, API, report and command line.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -107,10 +118,10 @@ impl Default for Parameters {
 #[serde(default, deny_unknown_fields)]
 pub struct RadiusOutlier {
     /// mm (published program: 10).
-    #[schema(minimum = 0.1, maximum = 1000.0)]
+    #[schema(minimum = 0.1, maximum = 100.0)]
     pub radius_mm: f32,
     /// Other points (published program: 250). 0 switches the filter off.
-    #[schema(minimum = 0, maximum = 1_000_000)]
+    #[schema(minimum = 0, maximum = 100_000)]
     pub min_neighbours: u32,
 }
 
@@ -227,9 +238,9 @@ impl Parameters {
         within("hu_max", f64::from(self.hu_max), f64::from(self.hu_min)..=f64::MAX, "at least hu_min")?;
         within("leaf_mm", f64::from(self.leaf_mm), 0.05..=20.0, "within 0.05 to 20 mm")?;
         let radius = f64::from(self.radius_outlier.radius_mm);
-        within("radius_outlier.radius_mm", radius, 0.1..=1000.0, "within 0.1 to 1000 mm")?;
+        within("radius_outlier.radius_mm", radius, 0.1..=100.0, "within 0.1 to 100 mm")?;
         let min_neighbours = f64::from(self.radius_outlier.min_neighbours);
-        within("radius_outlier.min_neighbours", min_neighbours, 0.0..=1e6, "within 0 to 1000000")?;
+        within("radius_outlier.min_neighbours", min_neighbours, 0.0..=1e5, "within 0 to 100000")?;
         let neighbours = f64::from(self.statistical_outlier.neighbours);
         within("statistical_outlier.neighbours", neighbours, 0.0..=1000.0, "within 0 to 1000")?;
         let deviations = self.statistical_outlier.deviations;

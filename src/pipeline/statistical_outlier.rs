@@ -6,35 +6,59 @@ use std::num::NonZero;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
+use super::effort::Effort;
+use super::observer::Observer;
+use super::outcome::PipelineError;
 use super::parameters::StatisticalOutlier;
 
 /// Whether each point is kept: its mean distance to the nearest others does not exceed mean +
 /// `deviations` · sample standard deviation of these means over all points.
 ///
 /// Where there are fewer others than asked for, those that there are count; a point alone is kept.
-#[must_use]
-pub fn kept(points: &[[f32; 3]], filter: &StatisticalOutlier) -> Vec<bool> {
+///
+/// # Errors
+/// [`PipelineError::Cancelled`]; [`PipelineError::TooCostly`] with too many neighbours of too many
+/// points.
+pub fn kept(
+    points: &[[f32; 3]],
+    filter: &StatisticalOutlier,
+    observer: &dyn Observer,
+) -> Result<Vec<bool>, PipelineError> {
     if filter.neighbours == 0 || points.len() < 2 {
-        return vec![true; points.len()];
+        return Ok(vec![true; points.len()]);
     }
-    let means = mean_distances(points, filter.neighbours as usize);
+    let means = mean_distances(points, filter.neighbours as usize, observer)?;
     let limit = limit(&means, filter.deviations);
-    means.iter().map(|&mean| f64::from(mean) <= limit).collect()
+    Ok(means.iter().map(|&mean| f64::from(mean) <= limit).collect())
 }
 
+/// Tests of a distance for each neighbour that is found in a search tree, about.
+const TESTS_A_NEIGHBOUR: u64 = 10;
+
 /// Mean distance of every point to its `neighbours` nearest others.
-fn mean_distances(points: &[[f32; 3]], neighbours: usize) -> Vec<f32> {
+fn mean_distances(
+    points: &[[f32; 3]],
+    neighbours: usize,
+    observer: &dyn Observer,
+) -> Result<Vec<f32>, PipelineError> {
     let neighbours = neighbours.min(points.len() - 1);
-    let Some(with_itself) = NonZero::new(neighbours + 1) else { return vec![0.0; points.len()] };
-    let Ok(tree) = ImmutableKdTree::<f32, 3>::new_from_slice(points) else { return vec![0.0; points.len()] };
+    let Some(with_itself) = NonZero::new(neighbours + 1) else { return Ok(vec![0.0; points.len()]) };
+    let effort = Effort::of(observer, "leaf_mm and statistical_outlier.neighbours");
+    // One that is found costs some ten tests on the way through the tree.
+    let tests = neighbours as u64 * TESTS_A_NEIGHBOUR;
+    effort.foresee(tests.saturating_mul(points.len() as u64))?;
+    let Ok(tree) = ImmutableKdTree::<f32, 3>::new_from_slice(points) else {
+        return Ok(vec![0.0; points.len()]);
+    };
     points
         .par_iter()
         .map(|point| {
+            effort.spend(tests)?;
             let nearest = tree.query(point).nearest_n::<SquaredEuclidean<f32>>(with_itself).execute();
             let sum: f64 = nearest.iter().skip(1).map(|other| f64::from(other.distance.sqrt())).sum();
             #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "as in PCL")]
             {
-                (sum / neighbours as f64) as f32
+                Ok((sum / neighbours as f64) as f32)
             }
         })
         .collect()

@@ -3,19 +3,47 @@
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::cells::{Cells, squared_distance};
+use super::effort::Effort;
+use super::outcome::PipelineError;
 
 /// Whether each point has no axial point nearer than `distance_mm`; one at exactly that distance
 /// does not count.
+///
+/// # Panics
+/// Never: nothing stops it.
 #[must_use]
 pub fn unique(points: &[[f32; 3]], axial: &[[f32; 3]], distance_mm: f32) -> Vec<bool> {
+    unique_within(points, axial, distance_mm, &Effort::unbounded()).expect("an effort without bound")
+}
+
+/// The same with a bounded effort.
+///
+/// # Errors
+/// [`PipelineError::Cancelled`]; [`PipelineError::TooCostly`] where too many axial points must be
+/// looked at.
+pub(super) fn unique_within(
+    points: &[[f32; 3]],
+    axial: &[[f32; 3]],
+    distance_mm: f32,
+    effort: &Effort<'_>,
+) -> Result<Vec<bool>, PipelineError> {
     if distance_mm <= 0.0 {
-        return vec![true; points.len()];
+        return Ok(vec![true; points.len()]);
     }
     let squared = distance_mm * distance_mm;
     let cells = Cells::new(axial, f64::from(distance_mm) * (1.0 + 1e-6));
     let is_near = |a, b| squared_distance(a, b) < squared;
     points
         .par_iter()
-        .map(|&point| !cells.around(point).flatten().any(|&other| is_near(point, other)))
+        .map(|&point| {
+            for stretch in cells.around(point) {
+                let nearest = stretch.iter().position(|&other| is_near(point, other));
+                effort.spend(nearest.map_or(stretch.len(), |tests| tests + 1) as u64)?;
+                if nearest.is_some() {
+                    return Ok(false);
+                }
+            }
+            Ok(true)
+        })
         .collect()
 }

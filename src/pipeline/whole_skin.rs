@@ -38,7 +38,7 @@ pub(super) fn reconstruct(
     result.note_merged();
     result.figures.after_radius = count(&result.triplanar);
     result.figures.after_statistical = count(&result.triplanar);
-    result.mark_unique(parameters.unique_distance_mm);
+    result.mark_unique(parameters.unique_distance_mm, observer)?;
     result.unless_empty("measuring the skin")
 }
 

@@ -1,7 +1,7 @@
 //! Why there is no cloud.
 
 use super::{Report, ReportError};
-use crate::dicom::series::SeriesError;
+use crate::dicom::series::{self, SeriesError};
 use crate::dicom::uid::SopInstanceUid;
 
 /// A reconstruction that gave no cloud.
@@ -26,14 +26,16 @@ impl Failure {
     /// The code of instances that the storage did not give.
     pub const UNREADABLE: &'static str = "unreadable";
 
+    /// The code of a run for which others left no memory: it goes through when they have ended.
+    pub const OUT_OF_MEMORY: &'static str = series::OUT_OF_MEMORY;
+
     pub(super) fn cancelled() -> Self {
-        Self {
-            code: Self::CANCELLED.to_owned(),
-            detail: "the reconstruction was cancelled".to_owned(),
-            instances: Vec::new(),
-            report: None,
-            transient: false,
-        }
+        Self::lasting(Self::CANCELLED, "the reconstruction was cancelled".to_owned())
+    }
+
+    /// One without a report that is the same when it is tried again.
+    pub(super) fn lasting(code: &str, detail: String) -> Self {
+        Self { code: code.to_owned(), detail, instances: Vec::new(), report: None, transient: false }
     }
 
     /// The series is no volume.
@@ -43,7 +45,7 @@ impl Failure {
             detail: error.to_string(),
             instances: error.instances().to_vec(),
             report: None,
-            transient: error.code() == Self::UNREADABLE,
+            transient: [Self::UNREADABLE, Self::OUT_OF_MEMORY].contains(&error.code()),
         }
     }
 

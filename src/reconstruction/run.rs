@@ -20,7 +20,11 @@ pub fn run(
     limits: &ReadLimits,
     observer: &dyn Observer,
 ) -> Result<Product, Failure> {
-    let (volume, warnings) = series::read(source, limits, observer).map_err(Failure::from_series)?;
+    // Given back when the result is made.
+    let mut memory = limits.memory.share();
+    let mut admit = |voxels: u64| memory.grow(voxels.saturating_mul(parameters.profile.bytes_a_voxel()));
+    let (volume, warnings) =
+        series::read_admitted(source, limits, observer, &mut admit).map_err(Failure::from_series)?;
     let reconstruction = pipeline::reconstruct(&volume, parameters, observer)
         .map_err(|error| from_pipeline(error, &volume, parameters, &warnings))?;
     observer.progress(Stage::Writing, 0.0);
@@ -63,6 +67,7 @@ fn from_pipeline(
     let (code, detail) = (error.code(), error.to_string());
     match error {
         PipelineError::Cancelled => Failure::cancelled(),
+        PipelineError::TooCostly { .. } => Failure::lasting(code, detail),
         PipelineError::EmptyCloud { partial, .. } | PipelineError::NoSkin { partial, .. } => {
             let report = Report {
                 quality: partial.quality.clone(),

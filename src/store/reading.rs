@@ -21,6 +21,7 @@ use crate::geometry::Plane;
 pub struct StoredInstances {
     blobs: Arc<dyn Blobs>,
     keys: Vec<String>,
+    sizes: Vec<u64>,
 }
 
 impl InstanceSource for StoredInstances {
@@ -30,6 +31,9 @@ impl InstanceSource for StoredInstances {
     fn read(&self, index: usize) -> io::Result<Vec<u8>> {
         let key = self.keys.get(index).ok_or(io::ErrorKind::NotFound)?;
         self.blobs.read(key)
+    }
+    fn size(&self, index: usize) -> Option<u64> {
+        self.sizes.get(index).copied()
     }
 }
 
@@ -98,7 +102,8 @@ impl Store {
     #[must_use]
     pub fn instance_source(&self, instances: &[InstanceRecord]) -> StoredInstances {
         let keys = instances.iter().map(|instance| instance.blob.clone()).collect();
-        StoredInstances { blobs: Arc::clone(&self.0.blobs), keys }
+        let sizes = instances.iter().map(|instance| instance.size).collect();
+        StoredInstances { blobs: Arc::clone(&self.0.blobs), keys, sizes }
     }
 
     /// One reconstruction.

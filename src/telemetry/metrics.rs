@@ -117,6 +117,7 @@ pub struct Metrics {
     requests: Family<RequestLabels, Counter>,
     request_durations: Family<RouteLabels, Histogram, fn() -> Histogram>,
     free_disk_bytes: Gauge<u64, AtomicU64>,
+    results_damaged: Counter,
 }
 
 impl Default for Metrics {
@@ -149,9 +150,15 @@ impl Metrics {
             requests: Family::default(),
             request_durations: Family::new_with_constructor(durations),
             free_disk_bytes: Gauge::default(),
+            results_damaged: Counter::default(),
         };
         metrics.register();
         metrics
+    }
+
+    /// A stored result was found changed or gone.
+    pub fn result_damaged(&self) {
+        self.results_damaged.inc();
     }
 
     fn register(&mut self) {
@@ -199,6 +206,11 @@ impl Metrics {
         );
         r.register("associations_open", "DICOM associations open now", self.associations_open.clone());
         r.register("jobs", "Reconstructions that reached a final state, by state", self.jobs.clone());
+        r.register(
+            "results_damaged",
+            "Stored results found changed or gone when they were asked for",
+            self.results_damaged.clone(),
+        );
         r.register("job_attempts", "Attempts at a reconstruction begun", self.job_attempts.clone());
         r.register("queue_depth", "Reconstructions that wait for a worker", self.queue_depth.clone());
         r.register_with_unit(

@@ -1,7 +1,7 @@
 //! Clouds survive their files.
 
 use proptest::prelude::*;
-use triplanar::cloud::{Format, Metadata, PointCloud, encode, ply};
+use triplanar::cloud::{Conversion, ConversionError, Format, MaxError, Metadata, PointCloud, encode, ply};
 use triplanar::geometry::{Frame, Plane, PlaneSet};
 
 fn coordinate() -> impl Strategy<Value = f32> {
@@ -45,7 +45,39 @@ fn metadata() -> impl Strategy<Value = Metadata> {
         })
 }
 
+/// A stored cloud converted piece by piece, or that it has no errors to filter by.
+fn streamed(stored: &[u8], format: Format, frame: Frame, most: Option<MaxError>) -> Option<Vec<u8>> {
+    let conversion = match Conversion::of(stored, format, frame, most) {
+        Err(ConversionError::NoErrors(_)) => return None,
+        conversion => conversion.expect("a stored cloud"),
+    };
+    let length = conversion.length();
+    let mut converting = conversion.begin(stored).expect("its header");
+    let mut bytes = Vec::new();
+    while let Some(piece) = converting.piece().expect("its vertices") {
+        bytes.extend(piece);
+    }
+    assert_eq!(bytes.len() as u64, length, "the length is told before");
+    Some(bytes)
+}
+
 proptest! {
+    #[test]
+    fn what_is_made_piece_by_piece_is_what_is_made_at_once(
+        cloud in cloud(), metadata in metadata(), most in proptest::option::of(0.0_f32..=300.0),
+    ) {
+        let most = most.map(|mm| MaxError::try_from(mm).expect("within its range"));
+        let stored = encode(&cloud, &metadata, Format::PlyBinary, Frame::Lps);
+        let (mut cloud, mut metadata) = ply::decode(&stored).expect("our own PLY");
+        let known = most.is_none_or(|most| most.apply(&mut cloud, &mut metadata).is_ok());
+        for format in Format::ALL {
+            for frame in [Frame::Lps, Frame::Ras] {
+                let expected = known.then(|| encode(&cloud, &metadata, format, frame));
+                prop_assert_eq!(streamed(&stored, format, frame, most), expected);
+            }
+        }
+    }
+
     #[test]
     fn a_ply_reads_back_bit_by_bit(cloud in cloud(), metadata in metadata()) {
         for format in [Format::PlyBinary, Format::PlyAscii] {
@@ -76,6 +108,11 @@ proptest! {
         let mut damaged = whole;
         damaged[at] = byte;
         let _ = ply::decode(&damaged);
+        if let Ok(mut converting) =
+            Conversion::of(&*damaged, Format::PlyAscii, Frame::Ras, None).and_then(|plan| Ok(plan.begin(&*damaged)?))
+        {
+            while let Ok(Some(_)) = converting.piece() {}
+        }
     }
 }
 

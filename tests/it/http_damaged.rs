@@ -3,10 +3,15 @@
 use std::fs;
 use std::path::PathBuf;
 
-use serde_json::json;
-use triplanar::store::ReconstructionId;
+use std::time::Duration;
 
-use crate::support::http::{Server, problem};
+use serde_json::json;
+use triplanar::cloud::{Format, PointCloud, encode};
+use triplanar::geometry::{Frame, Plane, PlaneSet};
+use triplanar::pipeline::Figures;
+use triplanar::store::{Outcome, ReconstructionId};
+
+use crate::support::http::{Server, metadata, problem};
 
 /// The file of that name in the only result of a reconstruction.
 fn file(server: &Server, id: ReconstructionId, name: &str) -> PathBuf {
@@ -23,6 +28,106 @@ fn flip(path: &PathBuf) {
     let middle = bytes.len() / 2;
     bytes[middle] ^= 0x10;
     fs::write(path, bytes).unwrap();
+}
+
+/// A cloud of 1.5 MB, so that an answer has many blocks.
+fn large() -> PointCloud {
+    let points: Vec<[f32; 3]> = (0..60_000_u16).map(|i| [f32::from(i) * 0.013, -f32::from(i), 0.1]).collect();
+    let n = points.len();
+    PointCloud {
+        points,
+        planes: vec![PlaneSet::from_bits(1); n],
+        unique: vec![false; n],
+        normals: Vec::new(),
+        errors: vec![0.25; n],
+    }
+}
+
+/// A reconstruction whose clouds are all that of [`large`], and the stored bytes of the merged one.
+async fn with_large_clouds(server: &Server) -> (ReconstructionId, Vec<u8>) {
+    let (uid, id) = server.queued(1).await;
+    let claim = server.store.claim("test", Duration::from_secs(60)).await.unwrap().expect("one waits");
+    let clouds = [None, Some(Plane::Axial), Some(Plane::Sagittal), Some(Plane::Coronal)]
+        .map(|plane| (plane, encode(&large(), &metadata(&uid, plane), Format::PlyBinary, Frame::Lps)));
+    let stored = clouds[0].1.clone();
+    let outcome =
+        Outcome { clouds: clouds.into(), report: b"{}".to_vec(), figures: Figures::default(), quality: None };
+    assert!(server.store.finish_success(&claim.lease, &outcome).await.unwrap());
+    (id, stored)
+}
+
+#[tokio::test]
+async fn a_cloud_that_is_streamed_has_every_byte_in_every_form_and_part() {
+    let server = Server::start().await;
+    let (id, stored) = with_large_clouds(&server).await;
+    let path = format!("/v1/reconstructions/{id}/cloud");
+    let whole = server.get(&path).send().await.unwrap();
+    assert_eq!(whole.content_length(), Some(stored.len() as u64));
+    assert!(whole.bytes().await.unwrap() == stored);
+    for (first, last) in
+        [(0, 65_535), (65_535, 65_536), (700_000, 900_001), (stored.len() - 1, stored.len() - 1)]
+    {
+        let part = server.get(&path).header("range", format!("bytes={first}-{last}")).send().await.unwrap();
+        assert_eq!(part.status(), 206);
+        assert!(part.bytes().await.unwrap() == stored[first..=last], "{first} to {last}");
+    }
+    let ascii = encode(
+        &large(),
+        &metadata(&crate::support::slice::Slice::of(1, 0).series_uid(), None),
+        Format::PlyAscii,
+        Frame::Ras,
+    );
+    let path = format!("{path}?format=ply_ascii&frame=ras");
+    assert!(server.get(&path).send().await.unwrap().bytes().await.unwrap() == ascii);
+    let part = server.get(&path).header("range", "bytes=1000000-1200000").send().await.unwrap();
+    assert!(part.bytes().await.unwrap() == ascii[1_000_000..=1_200_000]);
+    let packed = server.get(&path).header("accept-encoding", "gzip").send().await.unwrap();
+    assert_eq!(packed.headers()["content-encoding"], "gzip");
+    let (mut unpacked, packed) = (Vec::new(), packed.bytes().await.unwrap());
+    std::io::Read::read_to_end(&mut flate2::read::GzDecoder::new(&*packed), &mut unpacked).unwrap();
+    assert!(unpacked == ascii);
+    let filtered = server.get(&format!("{path}&max_error_mm=0.2")).send().await.unwrap();
+    assert!(filtered.text().await.unwrap().contains("element vertex 0\n"), "every error is 0.25 mm");
+}
+
+#[tokio::test]
+async fn an_answer_that_meets_a_damaged_block_breaks_off_and_is_never_whole() {
+    let server = Server::start().await;
+    let (id, stored) = with_large_clouds(&server).await;
+    flip(&file(&server, id, "triplanar.ply"));
+    let path = format!("/v1/reconstructions/{id}/cloud");
+    let get = |path: &str| server.get(path);
+
+    let begun = get(&path).send().await.unwrap();
+    assert_eq!((begun.status().as_u16(), begun.content_length()), (200, Some(stored.len() as u64)));
+    begun.bytes().await.expect_err("its client must see that it is not whole");
+    let packed = get(&path).header("accept-encoding", "gzip").send().await.unwrap();
+    packed.bytes().await.expect_err("nor is a compressed one whole");
+    let middle = stored.len() / 2;
+    let harmed = get(&path).header("range", format!("bytes={}-", middle - 100_000)).send().await.unwrap();
+    harmed.bytes().await.expect_err("nor a part that holds the damage");
+    let harmed = get(&path).header("range", format!("bytes={middle}-")).send().await.unwrap();
+    problem(harmed, 500, "result-damaged").await;
+    let unharmed = get(&path).header("range", "bytes=0-199999").send().await.unwrap();
+    assert!(unharmed.bytes().await.unwrap() == stored[..200_000], "what comes before it is as it was");
+    // What must be read whole before its first byte is sent is refused as a whole.
+    let text = get(&format!("{path}?format=ply_ascii")).send().await.unwrap();
+    let told = problem(text, 500, "result-damaged").await;
+    assert!(told["detail"].as_str().unwrap().contains("triplanar.ply"), "{told}");
+    let other = get(&format!("{path}?plane=axial")).send().await.unwrap();
+    assert_eq!(other.bytes().await.unwrap().len(), stored.len() - 4, "other files are not touched");
+    let metrics = get("/metrics").send().await.unwrap().text().await.unwrap();
+    assert!(metrics.contains("triplanar_results_damaged_total 5"), "{metrics}");
+}
+
+#[tokio::test]
+async fn answers_beyond_the_memory_budget_are_told_to_come_again() {
+    let server = Server::with(|config| config.memory.budget_bytes = 1).await;
+    let (id, _) = with_large_clouds(&server).await;
+    let refused = server.get(&format!("/v1/reconstructions/{id}/cloud")).send().await.unwrap();
+    assert_eq!(refused.headers()["retry-after"], "5");
+    let told = problem(refused, 503, "busy").await;
+    assert!(told["detail"].as_str().unwrap().contains("memory.budget_bytes"), "{told}");
 }
 
 #[tokio::test]

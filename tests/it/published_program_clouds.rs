@@ -6,7 +6,7 @@ use triplanar::cloud::PointCloud;
 use triplanar::geometry::{Plane, PlaneSet};
 use triplanar::pipeline::unique::unique;
 use triplanar::pipeline::voxel_grid::voxel_grid;
-use triplanar::pipeline::{Parameters, radius_outlier, statistical_outlier};
+use triplanar::pipeline::{Parameters, Silent, radius_outlier, statistical_outlier};
 
 use crate::support::data;
 use crate::support::published::{Published, SERIES};
@@ -49,9 +49,12 @@ fn check(published: &Published, name: &str, leaf: &str) {
     }
     let mut points = voxel_grid(&whole, parameters.leaf_mm).points;
     expect("merged_voxel", &points);
-    points = those(&points, &radius_outlier::kept(&points, &parameters.radius_outlier));
+    points = those(&points, &radius_outlier::kept(&points, &parameters.radius_outlier, &Silent).unwrap());
     expect("after_radius", &points);
-    points = those(&points, &statistical_outlier::kept(&points, &parameters.statistical_outlier));
+    points = those(
+        &points,
+        &statistical_outlier::kept(&points, &parameters.statistical_outlier, &Silent).unwrap(),
+    );
     expect("after_statistical", &points);
     let unique = unique(&points, &uniplanar[0].points, parameters.unique_distance_mm);
     let ours: Vec<usize> = (0..points.len()).filter(|&i| unique[i]).collect();

@@ -1,17 +1,23 @@
 //! The formats in which a cloud leaves: one file each, and one row in the table of [`Format`].
 //!
-//! To add one: a file here with `encode(&PointCloud, &Metadata, Frame) -> Vec<u8>`, a variant of
-//! [`Format`] and its row in `ALL_ROWS`. API, command line and documentation read that table.
+//! To add one: a file here with a `Writer`, a variant of [`Format`] and its row in `ALL_ROWS`. API,
+//! command line and documentation read that table. A cloud in memory ([`encode`]) and a stored one
+//! ([`Conversion`]) go through the same writer.
 
+mod conversion;
 mod npy;
 mod pcd;
 pub mod ply;
 mod raw;
+mod vertex;
 
 use serde::{Deserialize, Serialize};
 
 use super::{Metadata, PointCloud};
 use crate::geometry::Frame;
+
+pub use conversion::{Conversion, ConversionError, Converting};
+use vertex::{Layout, Vertex};
 
 /// A file format for clouds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize, utoipa::ToSchema)]
@@ -42,7 +48,18 @@ struct Row {
     name: &'static str,
     media_type: &'static str,
     extension: &'static str,
-    encode: fn(&PointCloud, &Metadata, Frame) -> Vec<u8>,
+    writer: Writer,
+}
+
+/// How a format is written.
+#[derive(Debug, Clone, Copy)]
+struct Writer {
+    /// What stands before the first vertex, for so many points.
+    header: fn(usize, Layout, &Metadata, Frame) -> Vec<u8>,
+    /// Appends a vertex.
+    vertex: fn(&Vertex, Frame, &mut Vec<u8>),
+    /// Bytes of a vertex where all have the same.
+    vertex_bytes: fn(Layout) -> Option<usize>,
 }
 
 /// In the order of [`Format::ALL`]; of two with one extension, the first is meant by it.
@@ -52,35 +69,35 @@ const ALL_ROWS: [Row; 5] = [
         name: "ply_binary",
         media_type: "application/x-ply",
         extension: "ply",
-        encode: ply::encode_binary,
+        writer: ply::BINARY_WRITER,
     },
     Row {
         format: Format::PlyAscii,
         name: "ply_ascii",
         media_type: "text/x-ply",
         extension: "ply",
-        encode: ply::encode_ascii,
+        writer: ply::ASCII_WRITER,
     },
     Row {
         format: Format::Pcd,
         name: "pcd",
         media_type: "application/x-pcd",
         extension: "pcd",
-        encode: pcd::encode,
+        writer: pcd::WRITER,
     },
     Row {
         format: Format::Raw,
         name: "raw",
         media_type: "application/octet-stream",
         extension: "raw",
-        encode: raw::encode,
+        writer: raw::WRITER,
     },
     Row {
         format: Format::Npy,
         name: "npy",
         media_type: "application/x-npy",
         extension: "npy",
-        encode: npy::encode,
+        writer: npy::WRITER,
     },
 ];
 
@@ -144,97 +161,13 @@ impl std::str::FromStr for Format {
 #[must_use]
 pub fn encode(cloud: &PointCloud, metadata: &Metadata, format: Format, frame: Frame) -> Vec<u8> {
     assert!(cloud.is_consistent(), "each list of the cloud has an entry for each point");
-    (format.row().encode)(cloud, metadata, frame)
-}
-
-/// What a vertex carries in the formats that can say so.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Field {
-    /// Its property in PLY.
-    ply: &'static str,
-    /// Its field in PCD, where the Point Cloud Library has a name of its own.
-    pcd: &'static str,
-    /// Bytes: 4 for a float, 1 for an unsigned one.
-    size: usize,
-}
-
-impl Field {
-    const fn float(ply: &'static str, pcd: &'static str) -> Self {
-        Self { ply, pcd, size: 4 }
-    }
-
-    const fn byte(name: &'static str) -> Self {
-        Self { ply: name, pcd: name, size: 1 }
-    }
-}
-
-const POINT: [Field; 3] = [Field::float("x", "x"), Field::float("y", "y"), Field::float("z", "z")];
-const NORMAL: [Field; 3] =
-    [Field::float("nx", "normal_x"), Field::float("ny", "normal_y"), Field::float("nz", "normal_z")];
-const ERROR: [Field; 1] = [Field::float("expected_error_mm", "expected_error_mm")];
-const FLAGS: [Field; 2] = [Field::byte("planes"), Field::byte("unique")];
-
-/// Which of the fields that not every cloud has are there.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Layout {
-    normals: bool,
-    errors: bool,
-}
-
-impl Layout {
-    /// All layouts, the barest first.
-    const ALL: [Self; 4] = [
-        Self { normals: false, errors: false },
-        Self { normals: true, errors: false },
-        Self { normals: false, errors: true },
-        Self { normals: true, errors: true },
-    ];
-
-    fn of(cloud: &PointCloud) -> Self {
-        Self { normals: !cloud.normals.is_empty(), errors: !cloud.errors.is_empty() }
-    }
-
-    /// The fields of a vertex in their order: floats first, bytes last.
-    fn fields(self) -> impl Iterator<Item = Field> {
-        let normal = NORMAL.into_iter().filter(move |_| self.normals);
-        let error = ERROR.into_iter().filter(move |_| self.errors);
-        POINT.into_iter().chain(normal).chain(error).chain(FLAGS)
-    }
-
-    /// Bytes of a vertex.
-    fn size(self) -> usize {
-        self.fields().map(|field| field.size).sum()
-    }
-}
-
-/// The floats of the vertex `i` in that frame: point, normal and error, those that there are.
-fn floats(cloud: &PointCloud, i: usize, frame: Frame) -> impl Iterator<Item = f32> {
-    // A direction turns with the axes as a point does.
-    let normal = cloud.normals.get(i).map(|&normal| frame.from_lps(normal));
-    let error = cloud.errors.get(i).copied();
-    frame.from_lps(cloud.points[i]).into_iter().chain(normal.into_iter().flatten()).chain(error)
-}
-
-/// The bytes that end the vertex `i`.
-fn flags(cloud: &PointCloud, i: usize) -> [u8; 2] {
-    [cloud.planes[i].bits(), u8::from(cloud.unique[i])]
-}
-
-/// Appends each vertex as little-endian floats and its two flags.
-fn append_packed(out: &mut Vec<u8>, cloud: &PointCloud, frame: Frame) {
-    out.reserve(cloud.len() * Layout::of(cloud).size());
+    let (writer, layout) = (format.row().writer, Layout::of(cloud));
+    let mut out = (writer.header)(cloud.len(), layout, metadata, frame);
+    out.reserve(cloud.len() * (writer.vertex_bytes)(layout).unwrap_or_default());
     for i in 0..cloud.len() {
-        for value in floats(cloud, i, frame) {
-            out.extend(value.to_le_bytes());
-        }
-        out.extend(flags(cloud, i));
+        (writer.vertex)(&Vertex::of(cloud, i), frame, &mut out);
     }
-}
-
-fn append_point(out: &mut Vec<u8>, point: [f32; 3]) {
-    for coordinate in point {
-        out.extend(coordinate.to_le_bytes());
-    }
+    out
 }
 
 #[cfg(test)]

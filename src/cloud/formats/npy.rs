@@ -1,18 +1,12 @@
 //! NumPy's array file, version 1.0: `<f4`, shape (N, 3), C order
 //! (NumPy, `numpy.lib.format`).
 
-use super::raw;
-use crate::cloud::{Metadata, PointCloud};
-use crate::geometry::Frame;
+use super::{Writer, raw};
 
 /// The data begin at a multiple of this.
 const ALIGNMENT: usize = 64;
 
-pub(super) fn encode(cloud: &PointCloud, metadata: &Metadata, frame: Frame) -> Vec<u8> {
-    let mut out = header(cloud.len());
-    out.extend(raw::encode(cloud, metadata, frame));
-    out
-}
+pub(super) const WRITER: Writer = Writer { header: |points, _, _, _| header(points), ..raw::WRITER };
 
 /// Magic, version, length of the dictionary, and the dictionary padded with blanks and ended by a
 /// line break.

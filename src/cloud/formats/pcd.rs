@@ -2,17 +2,23 @@
 
 use std::fmt::Write as _;
 
-use super::{Field, Layout, append_packed};
-use crate::cloud::{Metadata, PointCloud};
+use super::Writer;
+use super::vertex::{Field, Layout, Vertex};
+use crate::cloud::Metadata;
 use crate::geometry::Frame;
 
-pub(super) fn encode(cloud: &PointCloud, metadata: &Metadata, frame: Frame) -> Vec<u8> {
+pub(super) const WRITER: Writer = Writer {
+    header,
+    vertex: |vertex, frame, out| Vertex::append_packed(vertex, out, frame),
+    vertex_bytes: |layout| Some(layout.size()),
+};
+
+fn header(points: usize, layout: Layout, metadata: &Metadata, frame: Frame) -> Vec<u8> {
     let mut header = String::from("# .PCD v0.7 - Point Cloud Data file format\n");
     for (key, value) in metadata.lines(frame) {
         writeln!(header, "# {key} {value}").expect("writing to a string");
     }
-    let points = cloud.len();
-    let fields: Vec<_> = Layout::of(cloud).fields().collect();
+    let fields: Vec<_> = layout.fields().collect();
     let column = |text: fn(&Field) -> String| fields.iter().map(text).collect::<Vec<_>>().join(" ");
     let names = column(|field| field.pcd.to_owned());
     let sizes = column(|field| field.size.to_string());
@@ -32,7 +38,5 @@ pub(super) fn encode(cloud: &PointCloud, metadata: &Metadata, frame: Frame) -> V
          DATA binary\n"
     )
     .expect("writing to a string");
-    let mut out = header.into_bytes();
-    append_packed(&mut out, cloud, frame);
-    out
+    header.into_bytes()
 }

@@ -1,13 +1,10 @@
 //! Raw coordinates: x y z as little-endian 32-bit floats, point after point, no header.
 
-use super::append_point;
-use crate::cloud::{Metadata, PointCloud};
-use crate::geometry::Frame;
+use super::Writer;
+use super::vertex::Vertex;
 
-pub(super) fn encode(cloud: &PointCloud, _: &Metadata, frame: Frame) -> Vec<u8> {
-    let mut out = Vec::with_capacity(cloud.len() * 12);
-    for &point in &cloud.points {
-        append_point(&mut out, frame.from_lps(point));
-    }
-    out
-}
+pub(super) const WRITER: Writer = Writer {
+    header: |_, _, _, _| Vec::new(),
+    vertex: |vertex, frame, out| Vertex::append_point(vertex, out, frame),
+    vertex_bytes: |_| Some(12),
+};

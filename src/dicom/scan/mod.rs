@@ -89,6 +89,12 @@ pub enum ScanError {
         /// The limit.
         limit_bytes: u64,
     },
+    /// There is no memory to decode it in.
+    #[error(transparent)]
+    NoMemory(#[from] crate::memory::NoMemory),
+    /// It was asked to stop.
+    #[error("stopped")]
+    Stopped,
     /// The bytes can't be read.
     #[error("the instance can't be read")]
     Io(#[from] std::io::Error),
@@ -105,6 +111,8 @@ impl From<ScanError> for crate::error::Error {
             ScanError::InflatesTooMuch { limit_bytes } => {
                 Self::TooLarge { limit_bytes, setting: "intake.max_inflated_bytes" }
             }
+            ScanError::NoMemory(error) => error.into(),
+            ScanError::Stopped => Self::ShuttingDown,
             ScanError::Io(error) => error.into(),
         }
     }

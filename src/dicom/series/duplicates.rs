@@ -62,7 +62,9 @@ pub(super) fn remove(
 fn content(source: &dyn InstanceSource, slice: &Slice, limits: &ReadLimits) -> Result<Vec<i32>, SeriesError> {
     let name = || vec![slice.sop_instance_uid.clone()];
     let bytes = source.read(slice.source).map_err(|error| super::unreadable(&error, name()))?;
-    let data_set = DataSet::open(&bytes, &limits.scan).map_err(|error| super::unscannable(error, name()))?;
+    let mut memory = limits.memory.share();
+    let data_set = DataSet::open_within(&bytes, &limits.scan, &mut memory, &|| false);
+    let data_set = data_set.map_err(|error| super::unscannable(error, name()))?;
     let frames = Frames::of(&data_set).map_err(|error| super::voxels::undecodable(&error, name()))?;
     frames.stored(slice.frame_index).map_err(|error| super::voxels::undecodable(&error, name()))
 }

@@ -22,6 +22,7 @@ use super::source::InstanceSource;
 use super::uid::SopInstanceUid;
 use super::{SeriesIdentity, Volume};
 use crate::geometry::Axis;
+use crate::memory::{Memory, NoMemory};
 use crate::pipeline::{Observer, Stage};
 
 use frame::Instance;
@@ -32,8 +33,11 @@ pub use error::SeriesError;
 pub use unfit::{unfit, unfit_detail};
 pub use warning::{IgnoredInstance, Warning, WarningCode};
 
+/// The code of a series that finds no memory because others use it.
+pub const OUT_OF_MEMORY: &str = "out_of_memory_budget";
+
 /// What a series may be at most, and must be at least.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReadLimits {
     /// Voxels of the volume (setting `jobs.max_voxels`).
     pub max_voxels: u64,
@@ -41,11 +45,13 @@ pub struct ReadLimits {
     pub min_slices: usize,
     /// Of each instance.
     pub scan: Limits,
+    /// What decoding and the volume may take.
+    pub memory: Memory,
 }
 
 impl Default for ReadLimits {
     fn default() -> Self {
-        Self { max_voxels: 1 << 30, min_slices: 10, scan: Limits::default() }
+        Self { max_voxels: 1 << 30, min_slices: 10, scan: Limits::default(), memory: Memory::unlimited() }
     }
 }
 
@@ -61,6 +67,20 @@ pub fn read(
     source: &dyn InstanceSource,
     limits: &ReadLimits,
     observer: &dyn Observer,
+) -> Result<(Volume, Vec<Warning>), SeriesError> {
+    read_admitted(source, limits, observer, &mut |_| Ok(()))
+}
+
+/// The same, with the volume admitted by its number of voxels before memory is taken for it.
+///
+/// # Errors
+/// As for [`read`]; `too_large_for_memory` and `out_of_memory_budget` where `admit` or decoding finds
+/// no memory.
+pub fn read_admitted(
+    source: &dyn InstanceSource,
+    limits: &ReadLimits,
+    observer: &dyn Observer,
+    admit: &mut dyn FnMut(u64) -> Result<(), NoMemory>,
 ) -> Result<(Volume, Vec<Warning>), SeriesError> {
     observer.progress(Stage::Reading, 0.0);
     let mut warnings = Vec::new();
@@ -101,6 +121,7 @@ pub fn read(
         stack::warn_of_descending(&slices, &mut warnings);
     }
     let (rows, columns) = slices[0].matrix.map_or((0, 0), |(r, c)| (usize::from(r), usize::from(c)));
+    admit(slices.len() as u64 * rows as u64 * columns as u64).map_err(|none| no_memory(none, Vec::new()))?;
     let hu = voxels::read(source, &slices, orientation, limits, observer, &mut warnings)?;
     let grid = orient::grid(&slices, orientation, rows, columns).ok_or_else(|| too_few(&slices, limits))?;
     let identity = identity(&instances, &slices)?;
@@ -119,14 +140,24 @@ fn attributes(
         if observer.cancelled() {
             return Err(cancelled());
         }
+        let mut memory = limits.memory.take(source.size(index).unwrap_or_default());
+        let memory = memory.as_mut().map_err(|none| no_memory(*none, Vec::new()))?;
         let bytes = source.read(index).map_err(|error| unreadable(&error, Vec::new()))?;
-        let data_set = DataSet::open(&bytes, &limits.scan).map_err(|error| unscannable(error, Vec::new()))?;
+        let data_set = DataSet::open_within(&bytes, &limits.scan, memory, &|| observer.cancelled());
+        let data_set = data_set.map_err(|error| unscannable(error, Vec::new()))?;
         Instance::of(&data_set).ok_or_else(|| {
             SeriesError::new("malformed", "an instance has no valid SOPInstanceUID (0008,0018)", Vec::new())
         })
     };
     let results: Vec<_> = (0..source.len()).into_par_iter().map(read).collect();
-    results.into_iter().collect()
+    // One after the other, those for which there was no memory beside the others.
+    let again = results.into_iter().enumerate();
+    again.map(|(index, result)| result.or_else(|error| alone(error, || read(index)))).collect()
+}
+
+/// What found no memory beside others is done once more without them.
+fn alone<T>(error: SeriesError, again: impl FnOnce() -> Result<T, SeriesError>) -> Result<T, SeriesError> {
+    if error.code() == OUT_OF_MEMORY { again() } else { Err(error) }
 }
 
 fn identity(instances: &[Instance], slices: &[Slice]) -> Result<SeriesIdentity, SeriesError> {
@@ -158,8 +189,20 @@ fn unreadable(error: &std::io::Error, instances: Vec<SopInstanceUid>) -> SeriesE
     SeriesError::new("unreadable", format!("an instance can't be read from storage: {error}"), instances)
 }
 
+/// No memory: never, or not now.
+fn no_memory(none: NoMemory, instances: Vec<SopInstanceUid>) -> SeriesError {
+    if none.never_fits() {
+        let detail = format!("{none}; raise it, or reconstruct on a machine with more memory");
+        return SeriesError::new("too_large_for_memory", detail, instances);
+    }
+    let detail = format!("{none}, and others use too much of it now; it is tried again");
+    SeriesError::new(OUT_OF_MEMORY, detail, instances)
+}
+
 fn unscannable(error: ScanError, instances: Vec<SopInstanceUid>) -> SeriesError {
     let code = match &error {
+        ScanError::NoMemory(none) => return no_memory(*none, instances),
+        ScanError::Stopped => return cancelled(),
         ScanError::UnsupportedTransferSyntax(_) => "unsupported_transfer_syntax",
         ScanError::InflatesTooMuch { .. } => "too_large",
         ScanError::Io(_) => "unreadable",

@@ -23,6 +23,9 @@ const PADDING_HU: i16 = -1024;
 /// Padding above this could be tissue: half the way from air to water, HU.
 const TISSUE_HU: f64 = -500.0;
 
+/// While a frame is decoded, for each of its pixels: 4 of the codec's, 2 of its output, 4 of the values.
+const BYTES_A_PIXEL: u64 = 10;
+
 /// What is counted on the way.
 #[derive(Default)]
 struct Counts {
@@ -52,13 +55,16 @@ pub(super) fn read(
     let mut places: Vec<(&Slice, &mut [i16])> =
         slices.iter().zip(voxels.chunks_exact_mut((rows * columns).max(1))).collect();
     places.sort_by_key(|(slice, _)| slice.source);
-    let by_instance: Vec<_> = places.chunk_by_mut(|a, b| a.0.source == b.0.source).collect();
-    let results: Vec<Result<(), SeriesError>> = by_instance
-        .into_par_iter()
-        .map(|places| instance(source, places, &layout, limits, &counts, slices.len(), observer))
-        .collect();
-    // The first in the order of the source, not in the order in which threads came to it.
-    results.into_iter().collect::<Result<(), _>>()?;
+    let mut by_instance: Vec<_> = places.chunk_by_mut(|a, b| a.0.source == b.0.source).collect();
+    let decode = |places: &mut &mut [(&Slice, &mut [i16])]| {
+        instance(source, places, &layout, limits, &counts, slices.len(), observer)
+    };
+    let results: Vec<Result<(), SeriesError>> = by_instance.par_iter_mut().map(decode).collect();
+    // The first in the order of the source, not in the order in which threads came to it; and one after
+    // the other, those for which there was no memory beside the others.
+    for (places, result) in by_instance.iter_mut().zip(results) {
+        result.or_else(|error| super::alone(error, || decode(places)))?;
+    }
 
     let tissue = counts.tissue.into_inner();
     let mut padding = "pixels are marked as padding and were set to air".to_owned();
@@ -95,8 +101,14 @@ fn instance(
     let Some((first, _)) = places.first() else { return Ok(()) };
     let name = || vec![first.sop_instance_uid.clone()];
     let source_index = first.source;
+    // The file, and on each thread that decodes a frame of it what the codec gives and the values.
+    let pixels = places.iter().map(|(_, place)| place.len() as u64).max().unwrap_or_default();
+    let frames_at_a_time = places.len().min(rayon::current_num_threads()) as u64;
+    let need = source.size(source_index).unwrap_or_default() + pixels * frames_at_a_time * BYTES_A_PIXEL;
+    let mut memory = limits.memory.take(need).map_err(|none| super::no_memory(none, name()))?;
     let bytes = source.read(source_index).map_err(|error| super::unreadable(&error, name()))?;
-    let data_set = DataSet::open(&bytes, &limits.scan).map_err(|error| super::unscannable(error, name()))?;
+    let data_set = DataSet::open_within(&bytes, &limits.scan, &mut memory, &|| observer.cancelled());
+    let data_set = data_set.map_err(|error| super::unscannable(error, name()))?;
     let frames = Frames::of(&data_set).map_err(|error| undecodable(&error, name()))?;
     let padding = Padding::of(&data_set, frames.format.signed);
     let results: Vec<Result<(), SeriesError>> = places

@@ -3,17 +3,17 @@
 use axum::extract::State;
 use axum::http::{HeaderMap, Method};
 use axum::response::Response;
-use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
-use super::{latest_succeeded, off_the_runtime, reconstruction_record};
-use crate::cloud::{Format, MaxError, encode, ply};
+use super::{latest_succeeded, off_the_runtime, readable, reconstruction_record};
+use crate::cloud::{Format, MaxError};
 use crate::error::{Error, Result};
 use crate::geometry::{Frame, Plane};
 use crate::http::Context;
 use crate::http::extract::{Parameters, ReconstructionPath, SeriesPath};
 use crate::http::media_type::negotiate;
 use crate::http::representation::Representation;
+use crate::http::stored::{self, As};
 use crate::store::{ReconstructionRecord, ReconstructionState};
 
 /// Which cloud of a reconstruction.
@@ -92,6 +92,8 @@ pub(in crate::http) struct CloudQuery {
         (status = 406, description = "None of the accepted media types is one of ours."),
         (status = 409, description = "The reconstruction has no cloud (yet), or its points no expected errors."),
         (status = 416, description = "The range lies outside."),
+        (status = 500, description = "The stored result is damaged (`result-damaged`): ask for the same reconstruction again to have it made again. Found while it is sent, the answer ends early and the connection is closed."),
+        (status = 503, description = "The memory budget is in use: try again after Retry-After."),
     ),
 )]
 pub(in crate::http) async fn reconstruction_cloud(
@@ -132,6 +134,8 @@ pub(in crate::http) async fn reconstruction_cloud(
         (status = 406, description = "None of the accepted media types is one of ours."),
         (status = 409, description = "The series has no cloud (yet), or its points no expected errors."),
         (status = 416, description = "The range lies outside."),
+        (status = 500, description = "The stored result is damaged (`result-damaged`): ask for the same reconstruction again to have it made again. Found while it is sent, the answer ends early and the connection is closed."),
+        (status = 503, description = "The memory budget is in use: try again after Retry-After."),
     ),
 )]
 pub(in crate::http) async fn latest_cloud(
@@ -159,20 +163,12 @@ async fn serve(
     if !record.state.has_cloud() {
         return Err(no_cloud(&record));
     }
-    let stored = context.store.cloud(record.id, query.plane.plane()).await?;
+    let file = readable(context, context.store.open_cloud(record.id, query.plane.plane()).await)?;
+    let form = As { format, frame: query.frame, max_error: query.max_error_mm };
+    let context = context.clone();
     off_the_runtime(move || {
-        let as_stored = (Format::PlyBinary, Frame::Lps, None);
-        let bytes = if (format, query.frame, query.max_error_mm) == as_stored {
-            stored
-        } else {
-            let (mut cloud, mut metadata) = ply::decode(&stored).map_err(Error::internal)?;
-            if let Some(max_error) = query.max_error_mm {
-                max_error.apply(&mut cloud, &mut metadata)?;
-            }
-            encode(&cloud, &metadata, format, query.frame)
-        };
         let representation = Representation {
-            bytes: Bytes::from(bytes),
+            bytes: stored::cloud(&context, record.id, file, form)?,
             media_type: format.media_type(),
             file_name: Some(file_name(&record, &query, format)),
             compressible: true,

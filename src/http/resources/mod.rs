@@ -83,6 +83,15 @@ fn checked_cursor(cursor: Option<&str>) -> Result<Option<&str>> {
     }
 }
 
+/// Notes a stored result that is damaged in log and metrics.
+fn readable<T>(context: &Context, read: Result<T>) -> Result<T> {
+    if let Err(Error::ResultDamaged { id, damage }) = &read {
+        context.metrics.result_damaged();
+        tracing::error!(reconstruction = %id, damage, "a stored result is damaged");
+    }
+    read
+}
+
 /// Runs work that needs the processor, or reads files, off tokio's threads.
 async fn off_the_runtime<T: Send + 'static>(work: impl FnOnce() -> Result<T> + Send + 'static) -> Result<T> {
     match tokio::task::spawn_blocking(work).await {

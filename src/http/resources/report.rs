@@ -5,7 +5,7 @@ use axum::http::{HeaderMap, Method};
 use axum::response::Response;
 use bytes::Bytes;
 
-use super::{latest_succeeded, off_the_runtime, reconstruction_record};
+use super::{latest_succeeded, off_the_runtime, readable, reconstruction_record};
 use crate::error::{Error, Result};
 use crate::http::Context;
 use crate::http::extract::{ReconstructionPath, SeriesPath};
@@ -41,6 +41,7 @@ const CSV: &str = "text/csv";
         (status = 406, description = "Neither JSON nor CSV is accepted."),
         (status = 409, description = "The reconstruction has no report (yet)."),
         (status = 416, description = "The range lies outside."),
+        (status = 500, description = "The stored result is damaged (`result-damaged`): ask for the same reconstruction again to have it made again."),
     ),
 )]
 pub(in crate::http) async fn reconstruction_report(
@@ -72,6 +73,7 @@ pub(in crate::http) async fn reconstruction_report(
         (status = 406, description = "Neither JSON nor CSV is accepted."),
         (status = 409, description = "The series has no report (yet)."),
         (status = 416, description = "The range lies outside."),
+        (status = 500, description = "The stored result is damaged (`result-damaged`): ask for the same reconstruction again to have it made again."),
     ),
 )]
 pub(in crate::http) async fn latest_report(
@@ -98,7 +100,7 @@ async fn serve(
     if !record.has_report {
         return Err(no_report(&record));
     }
-    let stored = context.store.report(record.id).await?;
+    let stored = readable(context, context.store.report(record.id).await)?;
     // What was refused after the reconstruction had ended belongs to its report too.
     let refused = refused_instances(context.store.refused(&record.series_instance_uid).await?);
     off_the_runtime(move || {

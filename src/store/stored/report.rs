@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use super::figures::FiguresV1;
 use super::parameters::ParametersV1;
 use super::quality::QualityV1;
-use super::figures::FiguresV1;
 use super::value::Name;
 use super::{Schema, Unreadable, of_0_1, stored};
 use crate::dicom::series::{IgnoredInstance, Warning, WarningCode};

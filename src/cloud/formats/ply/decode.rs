@@ -1,7 +1,7 @@
 //! Reading back our own PLY.
 
 use super::{ASCII, BINARY, property};
-use crate::cloud::formats::Layout;
+use crate::cloud::formats::vertex::Layout;
 use crate::cloud::metadata::{TRIPLANAR, key};
 use crate::cloud::{Metadata, PointCloud};
 use crate::geometry::{Frame, Plane, PlaneSet};
@@ -61,14 +61,16 @@ fn take_line<'a>(rest: &mut &'a [u8]) -> Option<&'a str> {
     std::str::from_utf8(line).ok()
 }
 
+/// How the vertices are written.
 #[derive(Clone, Copy)]
-enum Encoding {
+pub(super) enum Encoding {
     Binary,
     Ascii,
 }
 
+/// The lines of a header.
 #[derive(Default)]
-struct Header {
+pub(super) struct Header {
     encoding: Option<Encoding>,
     vertices: Option<usize>,
     properties: Vec<String>,
@@ -76,7 +78,8 @@ struct Header {
 }
 
 impl Header {
-    fn line(&mut self, line: &str) -> Result<(), PlyError> {
+    /// Takes one line between the first and `end_header`.
+    pub(super) fn line(&mut self, line: &str) -> Result<(), PlyError> {
         let unknown = || PlyError::Header(format!("unknown line {line:?}"));
         let (word, value) = line.split_once(' ').ok_or_else(unknown)?;
         match word {
@@ -95,7 +98,8 @@ impl Header {
         Ok(())
     }
 
-    fn finish(self) -> Result<(Encoding, Layout, usize, Frame, Metadata), PlyError> {
+    /// Encoding, layout, vertices, frame and comments.
+    pub(super) fn finish(self) -> Result<(Encoding, Layout, usize, Frame, Metadata), PlyError> {
         let lacks = |what: &str| PlyError::Header(format!("its header lacks {what}"));
         let encoding = self.encoding.ok_or_else(|| lacks("`format`"))?;
         let vertices = self.vertices.ok_or_else(|| lacks("`element vertex`"))?;

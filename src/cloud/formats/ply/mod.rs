@@ -8,13 +8,17 @@
 
 mod decode;
 
-use std::fmt::Write as _;
+mod stored;
 
-use super::{Field, Layout, append_packed, flags, floats};
-use crate::cloud::{Metadata, PointCloud};
+use std::io::Write as _;
+
+use super::Writer;
+use super::vertex::{Field, Layout, Vertex};
+use crate::cloud::Metadata;
 use crate::geometry::Frame;
 
 pub use decode::{PlyError, decode};
+pub(super) use stored::StoredCloud;
 
 const BINARY: &str = "binary_little_endian";
 const ASCII: &str = "ascii";
@@ -24,34 +28,33 @@ fn property(field: Field) -> String {
     format!("{} {}", if field.size == 4 { "float" } else { "uchar" }, field.ply)
 }
 
-pub(super) fn encode_binary(cloud: &PointCloud, metadata: &Metadata, frame: Frame) -> Vec<u8> {
-    let mut out = header(BINARY, cloud, metadata, frame).into_bytes();
-    append_packed(&mut out, cloud, frame);
-    out
-}
+pub(super) const BINARY_WRITER: Writer = Writer {
+    header: |points, layout, metadata, frame| header(BINARY, points, layout, metadata, frame),
+    vertex: |vertex, frame, out| Vertex::append_packed(vertex, out, frame),
+    vertex_bytes: |layout| Some(layout.size()),
+};
 
-pub(super) fn encode_ascii(cloud: &PointCloud, metadata: &Metadata, frame: Frame) -> Vec<u8> {
-    let mut out = header(ASCII, cloud, metadata, frame);
-    for i in 0..cloud.len() {
-        for value in floats(cloud, i, frame) {
-            // Display prints the shortest text that reads back to the same float.
-            write!(out, "{value} ").expect("writing to a string");
+pub(super) const ASCII_WRITER: Writer = Writer {
+    header: |points, layout, metadata, frame| header(ASCII, points, layout, metadata, frame),
+    vertex: |vertex, frame, out| {
+        // Display prints the shortest text that reads back to the same float.
+        for value in vertex.floats(frame) {
+            write!(out, "{value} ").expect("writing to a Vec");
         }
-        let [planes, unique] = flags(cloud, i);
-        writeln!(out, "{planes} {unique}").expect("writing to a string");
-    }
-    out.into_bytes()
-}
+        writeln!(out, "{} {}", vertex.planes, vertex.unique).expect("writing to a Vec");
+    },
+    vertex_bytes: |_| None,
+};
 
-fn header(encoding: &str, cloud: &PointCloud, metadata: &Metadata, frame: Frame) -> String {
-    let mut out = format!("ply\nformat {encoding} 1.0\n");
+fn header(encoding: &str, points: usize, layout: Layout, metadata: &Metadata, frame: Frame) -> Vec<u8> {
+    let mut out = format!("ply\nformat {encoding} 1.0\n").into_bytes();
     for (key, value) in metadata.lines(frame) {
-        writeln!(out, "comment {key} {value}").expect("writing to a string");
+        writeln!(out, "comment {key} {value}").expect("writing to a Vec");
     }
-    writeln!(out, "element vertex {}", cloud.len()).expect("writing to a string");
-    for field in Layout::of(cloud).fields() {
-        writeln!(out, "property {}", property(field)).expect("writing to a string");
+    writeln!(out, "element vertex {points}").expect("writing to a Vec");
+    for field in layout.fields() {
+        writeln!(out, "property {}", property(field)).expect("writing to a Vec");
     }
-    out.push_str("end_header\n");
+    out.extend(b"end_header\n");
     out
 }
