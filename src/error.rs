@@ -25,6 +25,9 @@ pub enum Error {
         /// Name and tag, as `SeriesInstanceUID (0020,000E)`.
         attribute: &'static str,
     },
+    /// The pixel data is shorter or longer than the matrix and the frames need. C007, 422.
+    #[error("{0}; the sender must send the whole image again")]
+    PixelDataSize(#[from] crate::dicom::PixelExtentError),
     /// The instance is stored already with other pixels or geometry. C003, 409.
     #[error("SOP instance {0} is already stored with different pixels or geometry; the stored one was kept")]
     ConflictingInstance(SopInstanceUid),
@@ -247,6 +250,7 @@ impl Error {
             Self::NotDicom(_) => ("not-dicom", "Not DICOM", 0xC000, 400),
             Self::MalformedDataSet(_) => ("malformed-data-set", "Malformed data set", 0xC001, 422),
             Self::MissingAttribute { .. } => ("missing-attribute", "Missing attribute", 0xC002, 422),
+            Self::PixelDataSize(_) => ("pixel-data-size", "Pixel data of another size", 0xC007, 422),
             Self::ConflictingInstance(_) => ("conflicting-instance", "Conflicting instance", 0xC003, 409),
             Self::ConflictingSeries(_) => ("conflicting-series", "Conflicting series", 0xC004, 409),
             Self::ConflictingStudy(_) => ("conflicting-study", "Conflicting study", 0xC006, 409),

@@ -66,6 +66,21 @@ const WANTED: [Tag; 47] = [
     tags::ACQUISITION_NUMBER,
 ];
 
+fn is_wanted(tag: Tag) -> bool {
+    WANTED.contains(&tag)
+        || OVERLAYS.contains(&tag.0) && [OVERLAY_BIT_POSITION, OVERLAY_DATA].contains(&tag.1)
+}
+
+/// The repeating groups of overlays (PS3.5 section 7.6).
+const OVERLAYS: [u16; 16] = [
+    0x6000, 0x6002, 0x6004, 0x6006, 0x6008, 0x600A, 0x600C, 0x600E, 0x6010, 0x6012, 0x6014, 0x6016, 0x6018,
+    0x601A, 0x601C, 0x601E,
+];
+/// OverlayBitPosition (60xx,0102).
+const OVERLAY_BIT_POSITION: u16 = 0x0102;
+/// OverlayData (60xx,3000).
+const OVERLAY_DATA: u16 = 0x3000;
+
 /// One instance, walked over.
 pub(crate) struct DataSet<'a> {
     /// The data set's bytes: those of the file, or inflated ones. Spans count from their beginning.
@@ -203,7 +218,7 @@ fn collect<R: Read + std::io::Seek>(walker: &mut Walker<'_, Seekable<R>>) -> Res
         let keep = open.last().is_none_or(|open| open.keep);
         match event {
             Event::Sequence(tag) => {
-                open.push(Open { tag, keep: keep && WANTED.contains(&tag), items: Vec::new() });
+                open.push(Open { tag, keep: keep && is_wanted(tag), items: Vec::new() });
             }
             Event::Item => {
                 if let Some(sequence) = open.last_mut().filter(|sequence| sequence.keep) {
@@ -217,7 +232,7 @@ fn collect<R: Read + std::io::Seek>(walker: &mut Walker<'_, Seekable<R>>) -> Res
                 }
             }
             Event::Element { tag, vr, value: span, layout } => {
-                if keep && WANTED.contains(&tag) {
+                if keep && is_wanted(tag) {
                     current(&mut top, &mut open).put(tag, Value::Plain { vr, span, layout });
                 }
             }
@@ -228,7 +243,7 @@ fn collect<R: Read + std::io::Seek>(walker: &mut Walker<'_, Seekable<R>>) -> Res
                 }
             }
             Event::EndOfFragments => {
-                if let Some((tag, spans)) = fragments.take().filter(|(tag, _)| keep && WANTED.contains(tag)) {
+                if let Some((tag, spans)) = fragments.take().filter(|(tag, _)| keep && is_wanted(*tag)) {
                     current(&mut top, &mut open).put(tag, Value::Fragments(spans));
                 }
             }
@@ -332,6 +347,15 @@ impl<'a> View<'a> {
     pub(crate) fn u16(self, tag: Tag) -> Option<u16> {
         let (bytes, layout) = self.raw(tag)?;
         Some(layout.u16(bytes.get(..2)?.try_into().ok()?))
+    }
+
+    /// The bits of Pixel Data that overlays are announced in: the planes without data of their own.
+    pub(crate) fn overlay_bits(self) -> Vec<u16> {
+        OVERLAYS
+            .into_iter()
+            .filter(|group| self.item.get(Tag(*group, OVERLAY_DATA)).is_none())
+            .filter_map(|group| self.u16(Tag(group, OVERLAY_BIT_POSITION)))
+            .collect()
     }
 
     /// Exactly `N` finite decimal numbers (VR DS).

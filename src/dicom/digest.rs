@@ -76,7 +76,7 @@ pub fn content_digest(bytes: &[u8], limits: &Limits) -> Result<[u8; 32], DigestE
         frames => {
             let frames = frames?;
             for frame in 0..frames.format.frames as usize {
-                for value in frames.stored(frame)? {
+                for value in frames.stored(frame)?.values {
                     digest.update(value.to_le_bytes());
                 }
             }

@@ -9,6 +9,7 @@ mod digest;
 pub mod header;
 pub mod identity;
 pub mod part10;
+mod pixel_extent;
 pub mod pixels;
 pub mod scan;
 pub mod series;
@@ -19,4 +20,5 @@ pub mod uid;
 mod volume;
 
 pub use digest::{DigestError, content_digest};
+pub use pixel_extent::PixelExtentError;
 pub use volume::{SeriesIdentity, Volume};

@@ -50,6 +50,7 @@ impl From<&Error> for Refusal {
                 format!("{code}: {what} is not the command's")
             }
             Error::MissingAttribute { attribute } => format!("{code}: {attribute}"),
+            Error::PixelDataSize(fault) => format!("{code}: {}", fault.figures()),
             Error::ConflictingInstance(_) => format!("{code}: stored with other content"),
             Error::ConflictingSeries(_) => format!("{code}: stored in another series or study"),
             Error::ConflictingStudy(_) => format!("{code}: its series is of another study"),
@@ -86,6 +87,7 @@ fn long_string(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dicom::PixelExtentError;
 
     #[test]
     fn a_comment_begins_with_the_stable_code_and_is_a_valid_lo() {
@@ -104,6 +106,9 @@ mod tests {
         let attribute = "SeriesInstanceUID (0020,000E)";
         let comment = Refusal::from(&Error::MissingAttribute { attribute }).comment;
         assert_eq!(comment, "missing-attribute: SeriesInstanceUID (0020,000E)");
+        let fault = PixelExtentError::Short { length: 262_144, needed: 524_288 };
+        let comment = Refusal::from(&Error::PixelDataSize(fault)).comment;
+        assert_eq!(comment, "pixel-data-size: 262144 bytes where 524288 must be");
         let uid = "1.2.826.0.1.3680043.10.9999.5.3.11";
         let comment = Refusal::from(&Error::ConflictingInstance(uid.parse().unwrap())).comment;
         assert!(!comment.contains("1.2.826") || comment.contains(uid), "half a UID: {comment}");

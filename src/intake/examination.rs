@@ -41,3 +41,8 @@ pub(super) fn accept_class(scan: &Scan) -> Result<()> {
     let class = &scan.header.sop_class_uid;
     if sop_class::is_accepted(class) { Ok(()) } else { Err(Error::UnsupportedSopClass(class.clone())) }
 }
+
+/// Refuses an image that is not whole, or has more than its pixels.
+pub(super) fn accept_pixels(scan: &Scan) -> Result<()> {
+    scan.pixel_fault.clone().map_or(Ok(()), |fault| Err(fault.into()))
+}

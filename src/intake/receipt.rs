@@ -2,7 +2,7 @@
 
 use std::io::{Seek as _, SeekFrom};
 
-use super::examination::{accept_class, examine};
+use super::examination::{accept_class, accept_pixels, examine};
 use super::spool::Reader;
 use super::{Announced, Intake, Receipt, Spool};
 use crate::dicom::part10;
@@ -43,6 +43,7 @@ impl Intake {
 
     async fn keep(&self, scan: Scan, reader: Box<dyn Reader>, announced: &Announced) -> Result<Receipt> {
         accept_class(&scan)?;
+        accept_pixels(&scan)?;
         let staged = self.stage(scan, reader).await?;
         let header = staged.header.clone();
         let (store, policy, sender) = (&self.shared.store, &self.shared.policy, announced.sender.id());

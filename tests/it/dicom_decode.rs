@@ -229,32 +229,21 @@ fn rle_is_what_the_standard_says() {
             .fragments(&[], &[frame])
             .part10(ENHANCED_CT, "1.2.3.4", "1.2.840.10008.1.2.5")
     };
-    let frames = stored_values(&file(&frame), &Limits::default()).expect("valid");
-    assert_eq!(frames, [[0x0102, 0x0102, 0x0102, 0x0304]]);
+    let expected = [[0x0102, 0x0102, 0x0102, 0x0304]];
+    assert_eq!(stored_values(&file(&frame), &Limits::default()).expect("valid"), expected);
+    let padded = [&frame[..], &[0x80, 0, 0, 0]].concat();
+    assert_eq!(stored_values(&file(&padded), &Limits::default()).expect("padding is no pixel"), expected);
+    // A pixel more: after the last, or in its run.
+    let mut longer = frame.clone();
+    longer[69] += 1;
+    for more in [[&frame[..], &[0, 9]].concat(), [&longer[..], &[9]].concat()] {
+        let error = stored_values(&file(&more), &Limits::default()).expect_err("a pixel more");
+        assert!(error.to_string().contains("RLE"), "{error}");
+    }
     for cut in [0, 3, 11, 63, 66, 69, 72] {
         let error = stored_values(&file(&frame[..cut]), &Limits::default()).expect_err("cut off");
-        assert!(matches!(error, PixelError::Decode(_)), "{error}");
+        assert!(matches!(error, PixelError::Decode(_) | PixelError::Extent(_)), "{error}");
     }
-}
-
-#[test]
-fn bits_above_the_stored_ones_do_not_count() {
-    let values = |signed: u16, high_bit: u16| {
-        let file = identity(ENHANCED_CT, "1.2.3.4")
-            .number((0x0028, 0x0010), 1)
-            .number((0x0028, 0x0011), 2)
-            .number((0x0028, 0x0100), 16)
-            .number((0x0028, 0x0101), 12)
-            .number((0x0028, 0x0102), high_bit)
-            .number((0x0028, 0x0103), signed)
-            .put((0x7FE0, 0x0010), "OW", &[0x18, 0xFC, 0xE8, 0x53])
-            .part10(ENHANCED_CT, "1.2.3.4", "1.2.840.10008.1.2.1");
-        stored_values(&file, &Limits::default()).expect("valid").remove(0)
-    };
-    assert_eq!(values(1, 11), [-1000, 1000]);
-    assert_eq!(values(0, 11), [0xC18, 1000]);
-    assert_eq!(values(0, 15), [0xFC1, 0x53E]);
-    assert_eq!(values(1, 15), [-63, 0x53E]);
 }
 
 #[test]

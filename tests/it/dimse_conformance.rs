@@ -1,7 +1,7 @@
 //! `api/dicom-conformance.md` says what the program does.
 
 use triplanar::dicom::part10::{IMPLEMENTATION_CLASS_UID, IMPLEMENTATION_VERSION_NAME};
-use triplanar::dicom::{sop_class, transfer_syntax};
+use triplanar::dicom::{PixelExtentError, sop_class, transfer_syntax};
 use triplanar::error::Error;
 
 fn statement() -> String {
@@ -54,6 +54,7 @@ fn the_statement_gives_every_refusal_of_an_instance_its_status() {
         Error::NotDicom(String::new()),
         Error::MalformedDataSet(String::new()),
         Error::MissingAttribute { attribute: "" },
+        Error::PixelDataSize(PixelExtentError::Short { length: 0, needed: 1 }),
         Error::ConflictingInstance(uid.parse().unwrap()),
         Error::ConflictingSeries(uid.parse().unwrap()),
         Error::ConflictingStudy(uid.parse().unwrap()),

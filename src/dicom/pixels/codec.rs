@@ -1,4 +1,4 @@
-//! JPEG Lossless, JPEG-LS, JPEG 2000 and HTJ2K, by the decoders of dicom-rs.
+//! JPEG Lossless by our own decoder; JPEG-LS, JPEG 2000 and HTJ2K by those of dicom-rs.
 
 use std::borrow::Cow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -8,9 +8,10 @@ use dicom_encoding::adapters::{PixelDataObject, RawPixelData};
 use dicom_encoding::{Codec, TransferSyntaxIndex};
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
-use super::{Format, PixelError, Sample, codestream};
+use super::reading::{Reading, Stream};
+use super::{Format, PixelError, codestream, jpeg_lossless};
 
-/// The one compression that is decoded here and not there.
+/// The compression that is byte for byte what is not compressed.
 pub(super) const RLE: &str = uids::RLE_LOSSLESS;
 
 /// Whether pixel data in that transfer syntax comes in fragments.
@@ -21,8 +22,16 @@ pub(super) fn is_encapsulated(uid: &str) -> bool {
             .is_some_and(|syntax| matches!(syntax.codec(), Codec::EncapsulatedPixelData(..)))
 }
 
-/// Decodes one frame.
+/// The stored values of one frame.
 pub(super) fn decode(syntax: &'static str, frame: &[u8], format: &Format) -> Result<Vec<i32>, PixelError> {
+    if matches!(syntax, uids::JPEG_LOSSLESS | uids::JPEG_LOSSLESS_SV1) {
+        // The stream says which predictor it has: a selection value other than 1 does no harm where
+        // the transfer syntax promises 1, and other software reads it too.
+        let decoded = jpeg_lossless::decode(frame, format.rows, format.columns)
+            .map_err(|fault| PixelError::Decode(format!("the JPEG Lossless frame {fault}")))?;
+        let stream = Stream { precision: decoded.precision.into(), signed: false, is_jpeg_lossless: true };
+        return Reading::new(stream, format).values(decoded.samples.into_iter().map(i32::from));
+    }
     let head = codestream::read(frame)
         .ok_or_else(|| PixelError::Decode("the compressed frame has no header that can be read".into()))?;
     let agrees = head.width == u32::from(format.columns)
@@ -50,21 +59,15 @@ pub(super) fn decode(syntax: &'static str, frame: &[u8], format: &Format) -> Res
     if bytes.len() != format.pixels() * usize::from(bytes_per_sample) {
         return Err(PixelError::Decode("the compressed frame decodes to another size than it says".into()));
     }
-    // A stream that does not share the data set's opinion on the sign holds its bits only, as many
-    // as the stream's precision.
-    let bits = if head.signed == format.signed {
-        format.bits_stored
-    } else {
-        format.bits_stored.min(head.precision)
-    };
-    let sample = Sample { bits, signed: format.signed };
-    Ok(match bytes_per_sample {
-        1 if head.signed => {
-            bytes.iter().map(|byte| sample.value(i16::from(byte.cast_signed()).cast_unsigned())).collect()
-        }
-        1 => bytes.iter().map(|byte| sample.value(u16::from(*byte))).collect(),
-        _ => bytes.chunks_exact(2).map(|pair| sample.value(u16::from_le_bytes([pair[0], pair[1]]))).collect(),
-    })
+    let stream = Stream { precision: head.precision, signed: head.signed, is_jpeg_lossless: false };
+    let reading = Reading::new(stream, format);
+    let pairs = bytes.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
+    match (bytes_per_sample, head.signed) {
+        (1, true) => reading.values(bytes.iter().map(|byte| byte.cast_signed().into())),
+        (1, false) => reading.values(bytes.iter().map(|byte| i32::from(*byte))),
+        (_, true) => reading.values(pairs.map(|pair| pair.cast_signed().into())),
+        (_, false) => reading.values(pairs.map(i32::from)),
+    }
 }
 
 /// Runs the decoder. Some of them panic on corrupt data.

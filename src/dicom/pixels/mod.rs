@@ -3,18 +3,26 @@
 //! Each frame is decoded alone: its fragments are put together here, the decoder is given one
 //! frame and told nothing of the rest. Before it runs, the size that the compressed stream claims
 //! must be the size that the data set claims, and a decoder that panics is an error like any other.
+//! What comes out must have that size too, and no value beyond BitsStored (0028,0101).
 
 mod codec;
 mod codestream;
 mod fragments;
+mod jpeg_lossless;
+mod reading;
 mod rle;
+mod words;
 
 use std::borrow::Cow;
 
 use dicom_dictionary_std::tags;
 
 use super::dataset::{DataSet, RawPixels};
+use super::pixel_extent::{Matrix, PixelExtentError};
 use super::scan::Limits;
+
+pub(crate) use words::Stored;
+use words::Words;
 
 /// Why a frame has no values.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -30,6 +38,9 @@ pub enum PixelError {
     /// An attribute that describes the pixels is missing or makes no sense.
     #[error("{0}")]
     Description(String),
+    /// There are fewer or more bytes than the matrix and the frames need.
+    #[error(transparent)]
+    Extent(#[from] PixelExtentError),
     /// The bytes can't be decoded.
     #[error("{0}")]
     Decode(String),
@@ -97,11 +108,23 @@ impl Format {
     fn bytes_per_sample(&self) -> usize {
         usize::from(self.bits_allocated / 8)
     }
+
+    fn matrix(&self) -> Matrix {
+        Matrix {
+            rows: self.rows,
+            columns: self.columns,
+            frames: self.frames,
+            bits_allocated: self.bits_allocated,
+        }
+    }
 }
 
 /// The frames of one instance, ready to be decoded one by one, from several threads.
 pub(crate) struct Frames<'a> {
     pub(crate) format: Format,
+    /// Bytes after the pixels, all zeros, beyond the one that pads to an even length.
+    pub(crate) surplus: u64,
+    words: Words,
     syntax: &'static str,
     encoded: Encoded<'a>,
 }
@@ -124,6 +147,7 @@ impl<'a> Frames<'a> {
     pub(crate) fn of(data_set: &'a DataSet<'_>) -> Result<Self, PixelError> {
         let raw = data_set.pixels().ok_or(PixelError::NoPixelData)?;
         let format = Format::of(data_set)?;
+        let mut surplus = 0;
         let encoded = match raw {
             RawPixels::Native { bytes, vr, layout } => {
                 if codec::is_encapsulated(data_set.syntax.uid) {
@@ -131,13 +155,10 @@ impl<'a> Frames<'a> {
                         "the pixel data is not encapsulated as its transfer syntax says".into(),
                     ));
                 }
-                let needed =
-                    format.pixels() as u64 * u64::from(format.frames) * format.bytes_per_sample() as u64;
-                if (bytes.len() as u64) < needed {
-                    return Err(PixelError::Decode(format!(
-                        "the pixel data has {} bytes; its matrix and frames need {needed}",
-                        bytes.len()
-                    )));
+                surplus = format.matrix().check_native(bytes.len() as u64)?;
+                let beyond = bytes.len() - usize::try_from(surplus).unwrap_or(0);
+                if bytes.get(beyond..).is_some_and(|rest| rest.iter().any(|byte| *byte != 0)) {
+                    return Err(format.matrix().trailing(bytes.len() as u64).into());
                 }
                 let byte_order = match (layout.big_endian, format.bits_allocated, vr) {
                     (false, ..) => ByteOrder::Little,
@@ -147,16 +168,20 @@ impl<'a> Frames<'a> {
                 Encoded::Native { bytes, byte_order }
             }
             RawPixels::Encapsulated { offset_table, fragments } => {
+                let filled = fragments.iter().filter(|(_, bytes)| !bytes.is_empty()).count();
+                format.matrix().check_fragments(filled as u64)?;
                 let extended = data_set.top().bytes(tags::EXTENDED_OFFSET_TABLE).unwrap_or_default();
                 let layout = fragments::Layout { offset_table, extended_offset_table: extended, fragments };
                 Encoded::Encapsulated(layout.frames(format.frames)?)
             }
         };
-        Ok(Self { format, syntax: data_set.syntax.uid, encoded })
+        let padding = data_set.top().u16(tags::PIXEL_PADDING_VALUE);
+        let words = Words::new(&format, &data_set.top().overlay_bits(), padding);
+        Ok(Self { format, surplus, words, syntax: data_set.syntax.uid, encoded })
     }
 
     /// The stored values of a frame, row by row, with their sign.
-    pub(crate) fn stored(&self, frame: usize) -> Result<Vec<i32>, PixelError> {
+    pub(crate) fn stored(&self, frame: usize) -> Result<Stored, PixelError> {
         let count = self.format.pixels();
         let missing = || PixelError::Decode(format!("frame {} is missing", frame + 1));
         match &self.encoded {
@@ -167,55 +192,44 @@ impl<'a> Frames<'a> {
                 if *byte_order == ByteOrder::SwappedPairs {
                     let value = |i: usize| bytes.get((start + i) ^ 1).copied().ok_or_else(missing);
                     let bytes: Vec<u8> = (0..length).map(value).collect::<Result<_, _>>()?;
-                    return Ok(self.values(&bytes, ByteOrder::Little));
+                    return self.values(&bytes, ByteOrder::Little);
                 }
-                Ok(self.values(frame, *byte_order))
+                self.values(frame, *byte_order)
             }
             Encoded::Encapsulated(frames) => {
                 let frame = frames.get(frame).ok_or_else(missing)?;
                 if self.syntax == codec::RLE {
                     let bytes = rle::decode(frame, count, self.format.bytes_per_sample())?;
-                    return Ok(self.values(&bytes, ByteOrder::Little));
+                    let stored = self.values(&bytes, ByteOrder::Little)?;
+                    // A compressed frame has no room for anything but its samples (PS3.5 section 8.2).
+                    return if stored.masked == 0 {
+                        Ok(stored)
+                    } else {
+                        Err(self.beyond_bits_stored(&stored))
+                    };
                 }
-                codec::decode(self.syntax, frame, &self.format)
+                let values = codec::decode(self.syntax, frame, &self.format)?;
+                Ok(Stored { values, masked: 0 })
             }
         }
     }
 
-    fn values(&self, bytes: &[u8], order: ByteOrder) -> Vec<i32> {
-        let shift = self.format.high_bit + 1 - self.format.bits_stored;
-        let sample = Sample { bits: self.format.bits_stored, signed: self.format.signed };
+    fn values(&self, bytes: &[u8], order: ByteOrder) -> Result<Stored, PixelError> {
         if self.format.bits_allocated == 8 {
-            return bytes.iter().map(|byte| sample.value(u16::from(*byte) >> shift)).collect();
+            return self.words.values(bytes.iter().map(|byte| u16::from(*byte)));
         }
-        bytes
-            .chunks_exact(2)
-            .map(|pair| {
-                let pair = [pair[0], pair[1]];
-                let raw =
-                    if order == ByteOrder::Big { u16::from_be_bytes(pair) } else { u16::from_le_bytes(pair) };
-                sample.value(raw >> shift)
-            })
-            .collect()
+        let pairs = bytes.chunks_exact(2).map(|pair| [pair[0], pair[1]]);
+        match order {
+            ByteOrder::Big => self.words.values(pairs.map(u16::from_be_bytes)),
+            ByteOrder::Little | ByteOrder::SwappedPairs => self.words.values(pairs.map(u16::from_le_bytes)),
+        }
     }
-}
 
-/// How a number of 16 bits becomes a value: its lowest `bits` count, the bits above them don't
-/// (PS3.5 section 8.1.1).
-#[derive(Clone, Copy)]
-struct Sample {
-    bits: u16,
-    signed: bool,
-}
-
-impl Sample {
-    fn value(self, raw: u16) -> i32 {
-        let unused = 16 - self.bits.min(16);
-        if self.signed {
-            i32::from((raw << unused).cast_signed() >> unused)
-        } else {
-            i32::from((raw << unused) >> unused)
-        }
+    fn beyond_bits_stored(&self, stored: &Stored) -> PixelError {
+        PixelError::Decode(format!(
+            "{} of its values go beyond the {} bits stored",
+            stored.masked, self.format.bits_stored
+        ))
     }
 }
 
@@ -228,5 +242,5 @@ pub fn stored_values(bytes: &[u8], limits: &Limits) -> Result<Vec<Vec<i32>>, Pix
     let data_set =
         DataSet::open(bytes, limits).map_err(|error| PixelError::Description(error.to_string()))?;
     let frames = Frames::of(&data_set)?;
-    (0..frames.format.frames as usize).map(|frame| frames.stored(frame)).collect()
+    (0..frames.format.frames as usize).map(|frame| Ok(frames.stored(frame)?.values)).collect()
 }

@@ -21,31 +21,49 @@ pub(super) fn decode(frame: &[u8], pixels: usize, bytes_per_sample: usize) -> Re
         let bytes =
             end.and_then(|end| frame.get(start..end)).ok_or_else(|| broken("has a segment outside it"))?;
         let place = decoded.iter_mut().skip(bytes_per_sample - 1 - segment).step_by(bytes_per_sample);
-        unpack(bytes, place).ok_or_else(|| broken("ends before its pixels do"))?;
+        let rest =
+            unpack(bytes, place).ok_or_else(|| broken("ends within its pixels, or goes on beyond them"))?;
+        // No-operations and zeros that pad the segment to an even length, or more.
+        if rest.iter().any(|byte| !matches!(*byte, 0 | NO_OPERATION)) {
+            return Err(broken("holds more than its pixels"));
+        }
     }
     Ok(decoded)
 }
 
-/// `PackBits` (PS3.5 section G.3.2) into the places given; `None` if it does not fill them.
-fn unpack<'p>(mut bytes: &[u8], mut places: impl ExactSizeIterator<Item = &'p mut u8>) -> Option<()> {
+/// The head that stands for nothing.
+const NO_OPERATION: u8 = 128;
+
+/// `PackBits` (PS3.5 section G.3.2) into the places given; returns what follows them, or `None` if
+/// the last run ends elsewhere than the places.
+fn unpack<'b, 'p>(
+    mut bytes: &'b [u8],
+    mut places: impl ExactSizeIterator<Item = &'p mut u8>,
+) -> Option<&'b [u8]> {
     while places.len() > 0 {
         let (&head, rest) = bytes.split_first()?;
         match head {
             // That many and one more bytes as they are.
-            0..=127 => {
-                let count = usize::from(head) + 1;
-                let (literal, rest) = rest.split_at_checked(count)?;
+            0..NO_OPERATION => {
+                let (literal, rest) = rest.split_at_checked(usize::from(head) + 1)?;
+                if literal.len() > places.len() {
+                    return None;
+                }
                 literal.iter().zip(&mut places).for_each(|(byte, place)| *place = *byte);
                 bytes = rest;
             }
-            128 => bytes = rest,
+            NO_OPERATION => bytes = rest,
             // One byte, repeated.
-            129..=255 => {
-                let (&byte, rest) = rest.split_first()?;
-                places.by_ref().take(257 - usize::from(head)).for_each(|place| *place = byte);
-                bytes = rest;
+            _ => {
+                let (&byte, after) = rest.split_first()?;
+                let count = 257 - usize::from(head);
+                if count > places.len() {
+                    return None;
+                }
+                places.by_ref().take(count).for_each(|place| *place = byte);
+                bytes = after;
             }
         }
     }
-    Some(())
+    Some(bytes)
 }

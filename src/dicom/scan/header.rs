@@ -4,12 +4,14 @@ use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 
 use super::input::Input;
+use super::pixels::{PixelExtent, native};
 use super::values::{decoded, text, texts};
 use super::walk::{Event, Walker};
 use super::{Layout, ScanError};
 use crate::dicom::dataset::number_of_frames;
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::identity::Identity;
+use crate::dicom::pixel_extent::{Matrix, PixelExtentError};
 use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid, TransferSyntaxUid};
 
 /// The most bytes that an attribute of the header may have. The longest by the standard are
@@ -20,11 +22,11 @@ const MAX_VALUE: usize = 4096;
 #[derive(Default)]
 pub(super) struct Found {
     values: Vec<(Tag, Vec<u8>, Layout)>,
-    has_pixel_data: bool,
+    pixels: PixelExtent,
     has_position: bool,
 }
 
-const WANTED: [Tag; 20] = [
+const WANTED: [Tag; 21] = [
     tags::SPECIFIC_CHARACTER_SET,
     tags::IMAGE_TYPE,
     tags::SOP_CLASS_UID,
@@ -45,19 +47,23 @@ const WANTED: [Tag; 20] = [
     tags::NUMBER_OF_FRAMES,
     tags::ROWS,
     tags::COLUMNS,
+    tags::BITS_ALLOCATED,
 ];
 
 /// Walks to the end of the data set. What was found stays in `found` if the walk fails.
 pub(super) fn collect<I: Input>(walker: &mut Walker<'_, I>, found: &mut Found) -> Result<(), ScanError> {
+    // Whether the fragments that follow are those of Pixel Data.
+    let mut of_pixels = false;
     while let Some(event) = walker.next()? {
         if !walker.at_top() {
             continue;
         }
         match event {
             Event::Element { tag, value, .. } if tag == tags::PIXEL_DATA => {
-                found.has_pixel_data = value.length > 0;
+                found.pixels = native(walker, value.length, found.matrix())?;
             }
-            Event::Fragments(tag) if tag == tags::PIXEL_DATA => found.has_pixel_data = true,
+            Event::Fragments(tag) => of_pixels = tag == tags::PIXEL_DATA,
+            Event::Fragment(span) if of_pixels => found.pixels.add_fragment(span.length),
             Event::Element { tag, value, .. }
                 if [tags::IMAGE_POSITION_PATIENT, tags::IMAGE_ORIENTATION_PATIENT].contains(&tag) =>
             {
@@ -82,6 +88,26 @@ impl Found {
 
     fn value(&self, tag: Tag) -> Option<&[u8]> {
         self.values.iter().find(|(t, ..)| *t == tag).map(|(_, value, _)| value.as_slice())
+    }
+
+    /// The matrix of pixels with one sample, as far as it is described.
+    fn matrix(&self) -> Option<Matrix> {
+        if self.u16(tags::SAMPLES_PER_PIXEL).unwrap_or(1) != 1 {
+            return None;
+        }
+        let frames = self.value(tags::NUMBER_OF_FRAMES).map(text).filter(|text| !text.is_empty());
+        Some(Matrix {
+            rows: self.u16(tags::ROWS)?,
+            columns: self.u16(tags::COLUMNS)?,
+            // No frames at all are those of a single-frame instance that says so needlessly.
+            frames: frames.map_or(Some(1), |text| text.parse().ok())?.max(1),
+            bits_allocated: self.u16(tags::BITS_ALLOCATED)?,
+        })
+    }
+
+    /// Pixel data of another size than described.
+    pub(super) fn pixel_fault(&self) -> Option<PixelExtentError> {
+        self.pixels.fault(self.matrix())
     }
 
     fn u16(&self, tag: Tag) -> Option<u16> {
@@ -137,7 +163,7 @@ impl Found {
             frames,
             rows: self.u16(tags::ROWS),
             columns: self.u16(tags::COLUMNS),
-            has_pixel_data: self.has_pixel_data,
+            has_pixel_data: self.pixels.any(),
             photometric: self.value(tags::PHOTOMETRIC_INTERPRETATION).map(text).filter(|t| !t.is_empty()),
             samples_per_pixel: self.u16(tags::SAMPLES_PER_PIXEL),
             has_position: Some(self.has_position),

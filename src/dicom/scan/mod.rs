@@ -13,6 +13,7 @@ mod element;
 mod header;
 mod input;
 mod meta;
+mod pixels;
 pub(crate) mod values;
 mod walk;
 
@@ -20,6 +21,7 @@ use std::io::{Read, Seek, SeekFrom};
 
 use self::header::Found;
 use super::header::InstanceHeader;
+use super::pixel_extent::PixelExtentError;
 use super::transfer_syntax::{self, TransferSyntax};
 use super::uid::{SeriesInstanceUid, SopClassUid, SopInstanceUid, TransferSyntaxUid};
 
@@ -60,6 +62,9 @@ pub struct Scan {
     pub header: InstanceHeader,
     /// The byte at which the data set begins: 0 for a bare one.
     pub data_set_offset: u64,
+    /// Pixel data of another size than the matrix and the frames need. Not judged by the scan
+    /// itself: it is for whoever stores images of one sample a pixel.
+    pub pixel_fault: Option<PixelExtentError>,
 }
 
 /// Why the scan refuses the bytes. Becomes [`crate::error::Error`], with its codes.
@@ -128,7 +133,8 @@ pub fn scan<R: Read + Seek>(mut reader: R, encoding: &Encoding, limits: &Limits)
     let (data_set_offset, syntax) = begin(&mut reader, encoding)?;
     let mut found = Found::default();
     walk_to_end(reader, data_set_offset, syntax, limits, &mut found)?;
-    Ok(Scan { header: found.finish(syntax.uid())?, data_set_offset })
+    let pixel_fault = found.pixel_fault();
+    Ok(Scan { header: found.finish(syntax.uid())?, data_set_offset, pixel_fault })
 }
 
 /// The series and the instance that refused bytes belong to, as far as they say so before the

@@ -130,6 +130,24 @@ impl<'a, I: Input> Walker<'a, I> {
         Ok(value)
     }
 
+    /// Whether the last `count` bytes of the value that came last are zeros.
+    pub(crate) fn value_ends_in_zeros(&mut self, count: u64) -> Result<bool, ScanError> {
+        let unread = std::mem::take(&mut self.unread);
+        let mut left = count.min(unread);
+        self.input.skip(unread - left)?;
+        let mut chunk = [0; 512];
+        while left > 0 {
+            let part = &mut chunk[..usize::try_from(left).map_or(512, |left| left.min(512))];
+            self.input.fill(part)?;
+            left -= part.len() as u64;
+            if part.iter().any(|byte| *byte != 0) {
+                self.unread = left;
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
     /// The next event, or `None` at the end of the data set.
     pub(crate) fn next(&mut self) -> Result<Option<Event>, ScanError> {
         let unread = std::mem::take(&mut self.unread);

@@ -66,5 +66,6 @@ fn content(source: &dyn InstanceSource, slice: &Slice, limits: &ReadLimits) -> R
     let data_set = DataSet::open_within(&bytes, &limits.scan, &mut memory, &|| false);
     let data_set = data_set.map_err(|error| super::unscannable(error, name()))?;
     let frames = Frames::of(&data_set).map_err(|error| super::voxels::undecodable(&error, name()))?;
-    frames.stored(slice.frame_index).map_err(|error| super::voxels::undecodable(&error, name()))
+    let stored = frames.stored(slice.frame_index);
+    stored.map(|stored| stored.values).map_err(|error| super::voxels::undecodable(&error, name()))
 }

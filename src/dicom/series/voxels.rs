@@ -33,6 +33,10 @@ struct Counts {
     padding: AtomicU64,
     /// Of those, the ones whose value stands for tissue.
     tissue: AtomicU64,
+    /// Pixels with bits beside their value.
+    masked: AtomicU64,
+    /// Instances with zeros after their pixels.
+    trailing: AtomicU64,
     done: AtomicUsize,
 }
 
@@ -79,6 +83,8 @@ pub(super) fn read(
     for (count, code, what) in [
         (counts.padding, WarningCode::Padding, padding.as_str()),
         (counts.clipped, WarningCode::ClippedHu, "values are beyond -32768 to 32767 HU and were clipped"),
+        (counts.masked, WarningCode::UnusedBits, "pixels had bits set beside their value, which were masked"),
+        (counts.trailing, WarningCode::TrailingZeros, "instances have zeros after their pixels"),
     ] {
         let count = count.into_inner();
         if count > 0 {
@@ -110,6 +116,7 @@ fn instance(
     let data_set = DataSet::open_within(&bytes, &limits.scan, &mut memory, &|| observer.cancelled());
     let data_set = data_set.map_err(|error| super::unscannable(error, name()))?;
     let frames = Frames::of(&data_set).map_err(|error| undecodable(&error, name()))?;
+    counts.trailing.fetch_add(u64::from(frames.surplus > 0), Ordering::Relaxed);
     let padding = Padding::of(&data_set, frames.format.signed);
     let results: Vec<Result<(), SeriesError>> = places
         .par_iter_mut()
@@ -118,11 +125,12 @@ fn instance(
                 return Err(super::cancelled());
             }
             let stored = frames.stored(slice.frame_index).map_err(|error| undecodable(&error, name()))?;
-            if stored.len() != place.len() {
+            counts.masked.fetch_add(stored.masked, Ordering::Relaxed);
+            if stored.values.len() != place.len() {
                 let error = PixelError::Decode("the instance changed while it was read".into());
                 return Err(undecodable(&error, name()));
             }
-            layout.fill(place, &stored, &ToHu { rescale: rescale_of(slice), padding }, counts);
+            layout.fill(place, &stored.values, &ToHu { rescale: rescale_of(slice), padding }, counts);
             let done = counts.done.fetch_add(1, Ordering::Relaxed) + 1;
             #[expect(clippy::cast_precision_loss)]
             observer.progress(Stage::Reading, done as f64 / total as f64);
@@ -140,6 +148,7 @@ pub(super) fn undecodable(
         PixelError::NoPixelData => "no_pixel_data",
         PixelError::Photometric(_) => "unknown_photometric",
         PixelError::Description(_) => "malformed",
+        PixelError::Extent(_) => "pixel_data_size",
         PixelError::Decode(_) => "decode_failed",
     };
     SeriesError::new(code, format!("{error}; send the original image again"), instances)

@@ -82,4 +82,8 @@ codes! {
     OddEncoding = "odd_encoding",
     /// Number of Frames is 0 in a class without frames; it was read as 1.
     ZeroFrames = "zero_frames",
+    /// Zeros follow the pixels, more than the one byte that pads them to an even length.
+    TrailingZeros = "trailing_zeros",
+    /// Pixels had bits set beside their value, which were masked.
+    UnusedBits = "unused_bits",
 }

@@ -10,6 +10,7 @@ pub(crate) mod head;
 pub(crate) mod http;
 pub(crate) mod icp;
 pub(crate) mod instances;
+pub(crate) mod jpeg_lossless;
 pub(crate) mod memory;
 pub(crate) mod pacs;
 pub(crate) mod phantom;
