@@ -134,7 +134,7 @@ def write(path, stream, shape, precision, signed, syntax):
 
 
 def by_pylibjpeg(path):
-    return pydicom.dcmread(path).pixel_array
+    return pydicom.pixels.pixel_array(path, decoding_plugin="pylibjpeg")
 
 
 def by_gdcm(path):
