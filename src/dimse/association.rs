@@ -148,8 +148,7 @@ async fn established(
     shared.metrics.association_ended(word);
     let Tally { stored, duplicate, .. } = association.tally;
     let (refused, by_status) = (association.tally.refusals(), association.tally.by_status());
-    let end = word;
-    tracing::info!(association = %id, calling, end, stored, duplicate, refused, by_status, "association ended");
+    tracing::info!(association = %id, calling, end = word, stored, duplicate, refused, by_status, "association ended");
     let end = association.end(outcome.as_ref().ok());
     if let Err(error) = shared.intake.sender_ended(id, end).await {
         // The quiet time completes its series all the same.
