@@ -170,6 +170,18 @@ pub enum Error {
         /// What the client can do.
         detail: String,
     },
+    /// The series' latest revision has no cloud (yet), and no other was wanted. 409.
+    #[error("revision {revision} of the series is {state}: {detail}")]
+    NotCurrent {
+        /// The latest revision.
+        revision: u32,
+        /// Its state's name.
+        state: &'static str,
+        /// What the client can do.
+        detail: &'static str,
+        /// When it may ask again, s.
+        retry_after_s: u32,
+    },
     /// The cloud's points carry no expected error to filter by. 409.
     #[error("{0}: reconstruct the series with {{\"profile\": \"precise\"}}, or leave out max_error_mm")]
     NoExpectedErrors(#[from] crate::cloud::NoErrors),
@@ -287,6 +299,7 @@ impl Error {
             Self::SeriesIncomplete(_) => ("series-incomplete", "Series incomplete", 0x0110, 409),
             Self::NotReconstructable { .. } => ("not-reconstructable", "Not reconstructable", 0x0110, 409),
             Self::ReconstructionState { .. } => ("reconstruction-state", "Not in that state", 0x0110, 409),
+            Self::NotCurrent { .. } => ("not-current", "Latest revision not there", 0x0110, 409),
             Self::NoExpectedErrors(_) => ("no-expected-errors", "No expected errors", 0x0110, 409),
             Self::SourceRemoved => ("source-removed", "Source removed", 0x0110, 410),
             Self::RequestTimeout => ("request-timeout", "Request timeout", 0x0110, 408),

@@ -16,6 +16,7 @@ use super::channel::{Channel, Incoming};
 use super::command::{CommandSet, NO_DATA_SET, RESPONSE, element};
 use super::connection::{Connection, Received};
 use super::fault::Fault;
+use super::missing::Missing;
 use super::negotiation::{self, Accepted, Context};
 use super::rejection::Rejection;
 use super::server::Shared;
@@ -24,6 +25,7 @@ use super::status::{Refusal, SUCCESS};
 use super::stop::Stop;
 use super::tally::{RefusedContexts, Tally, reason_name};
 use crate::intake::{Intake, Receipt, Sender};
+use crate::store::SenderEnd;
 use crate::telemetry::Metrics;
 
 /// Bytes of refused data sets that one message may still send; a sender of more is cut off.
@@ -119,6 +121,7 @@ async fn established(
         channel,
         discarded: 0,
         tally: Tally::default(),
+        missing: Missing::default(),
         shared: Arc::clone(&shared),
     };
     let messages = async {
@@ -127,12 +130,12 @@ async fn established(
     };
     // A defect of ours must not keep the association's end from the intake.
     let outcome = AssertUnwindSafe(messages).catch_unwind().await;
-    let end = match outcome {
+    let word = match &outcome {
         Ok(Ok(())) => "released",
         Ok(Err(fault)) => {
             shared.metrics.association_failed(fault.code());
             tracing::warn!(association = %id, calling, code = fault.code(), %fault, "not released");
-            association.channel.abort(&fault).await;
+            association.channel.abort(fault).await;
             fault.end()
         }
         Err(_panic) => {
@@ -142,11 +145,12 @@ async fn established(
             "aborted"
         }
     };
-    shared.metrics.association_ended(end);
+    shared.metrics.association_ended(word);
     let Tally { stored, duplicate, .. } = association.tally;
     let (refused, by_status) = (association.tally.refusals(), association.tally.by_status());
-    tracing::info!(association = %id, calling, end, stored, duplicate, refused, by_status, "association ended");
-    if let Err(error) = shared.intake.association_ended(id).await {
+    tracing::info!(association = %id, calling, end = word, stored, duplicate, refused, by_status, "association ended");
+    let end = association.end(outcome.as_ref().ok());
+    if let Err(error) = shared.intake.sender_ended(id, end).await {
         // The quiet time completes its series all the same.
         tracing::error!(association = %id, %error, "the association's end was not recorded");
     }
@@ -183,6 +187,8 @@ pub(crate) struct Association {
     /// Bytes that were thrown away of the message at hand.
     discarded: u64,
     tally: Tally,
+    /// Instances that were refused for want of room and have not come again.
+    missing: Missing,
     shared: Arc<Shared>,
 }
 
@@ -208,6 +214,17 @@ impl Association {
             }
             self.discarded = 0;
             services::perform(&request, self).await?;
+        }
+    }
+
+    /// How it ended, for the intake; `None` if by a defect of ours.
+    fn end(&self, outcome: Option<&Result<(), Fault>>) -> SenderEnd {
+        match outcome {
+            Some(Ok(())) if self.missing.any() => SenderEnd::InstancesRefused,
+            Some(Ok(())) => SenderEnd::AssociationReleased,
+            Some(Err(Fault::ShuttingDown)) => SenderEnd::ServiceStopped,
+            Some(Err(Fault::Closed | Fault::Lost(_))) => SenderEnd::AssociationLost,
+            Some(Err(_)) | None => SenderEnd::AssociationAborted,
         }
     }
 
@@ -275,6 +292,9 @@ impl Association {
         let status = outcome.map_or_else(|refusal| refusal.status, |()| SUCCESS);
         if outcome.is_err() {
             self.tally.refused(status);
+        }
+        if let Some(instance) = request.command.text(element::AFFECTED_SOP_INSTANCE_UID) {
+            self.missing.note(instance, status);
         }
         let mut response = CommandSet::default()
             .with_number(element::COMMAND_FIELD, request.field | RESPONSE)

@@ -25,6 +25,7 @@ mod channel;
 mod command;
 mod connection;
 mod fault;
+mod missing;
 mod negotiation;
 mod pdata;
 mod rejection;

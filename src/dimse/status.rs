@@ -4,6 +4,10 @@ use crate::error::Error;
 
 /// 0000: done.
 pub(crate) const SUCCESS: u16 = 0x0000;
+/// 0110: a failure of ours (PS3.7 section C.5.1).
+pub(crate) const PROCESSING_FAILURE: u16 = 0x0110;
+/// A700: out of resources (PS3.4 table B.2-1).
+pub(crate) const OUT_OF_RESOURCES: u16 = 0xA700;
 /// 0117: the SOP Instance UID is missing or is no UID (PS3.7 section C.5.7).
 pub(crate) const INVALID_SOP_INSTANCE: u16 = 0x0117;
 /// 0122: SOP class not supported (PS3.7 section C.5.6).

@@ -71,6 +71,7 @@ const TABLE: &[(&str, &str, Access)] = &[
     ("POST", "/v1/series/{series}/complete", Access::Upload),
     ("PUT", "/v1/series/{series}/expected-instances", Access::Upload),
     ("POST", "/v1/series/{series}/reconstructions", Access::Upload),
+    ("PUT", "/v1/series/{series}/clinical-reconstruction", Access::Operate),
     ("GET", "/v1/series/{series}/cloud", Access::Read),
     ("GET", "/v1/series/{series}/report", Access::Read),
     ("GET", "/v1/reconstructions", Access::Read),
@@ -105,7 +106,7 @@ fn has_method(method: &Method, route: &str) -> bool {
 
 /// The layer that checks every request before its handler. Without configured tokens (on
 /// loopback, or with `insecure = true`) everything is open.
-pub(super) async fn check(State(state): State<Context>, request: Request, next: Next) -> Response {
+pub(super) async fn check(State(state): State<Context>, mut request: Request, next: Next) -> Response {
     let tokens = &state.config.http.tokens;
     if tokens.is_empty() {
         return next.run(request).await;
@@ -113,6 +114,9 @@ pub(super) async fn check(State(state): State<Context>, request: Request, next: 
     match judge(tokens, &request) {
         Ok(caller) => {
             let name = caller.map(|token| Caller(token.name.clone()));
+            if let Some(name) = &name {
+                request.extensions_mut().insert(name.clone());
+            }
             let mut response = next.run(request).await;
             if let Some(name) = name {
                 response.extensions_mut().insert(name);

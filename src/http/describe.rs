@@ -5,15 +5,15 @@ use axum::http::Method;
 use utoipa::openapi::path::{HttpMethod, Operation, PathItem};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{
-    Components, ContentBuilder, Info, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, Ref, RefOr,
-    Response, ResponseBuilder, Responses,
+    Components, ContentBuilder, Header, Info, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, Ref,
+    RefOr, Response, ResponseBuilder, Responses,
 };
 use utoipa::{PartialSchema, ToSchema};
 
 use super::auth::{Access, access};
-use super::octets;
 use super::problem::{MEDIA_TYPE, Problem};
 use super::router;
+use super::{about, octets};
 use crate::pipeline::legend;
 
 /// The security scheme's name.
@@ -47,6 +47,9 @@ const PROTECTED: [(&str, &str); 2] =
 /// What an operation that changes something can end in.
 const FOREIGN: &str = "The token's role does not allow this, or a page of another origin asks.";
 
+/// How the paths of results end: their answers tell what they are of.
+const RESULTS: [&str; 3] = ["/cloud", "/report", PICTURE];
+
 /// How the path of the slices' pictures ends.
 const PICTURE: &str = "/slices/{plane}/{picture}";
 
@@ -57,6 +60,9 @@ pub fn openapi() -> OpenApi {
     for (path, item) in &mut api.paths.paths {
         for (method, operation) in operations_of(item) {
             complete(path, &method, operation);
+            if RESULTS.iter().any(|end| path.ends_with(end)) {
+                with_headers_of_results(operation);
+            }
             octets::describe(operation);
         }
     }
@@ -158,6 +164,17 @@ fn complete(path: &str, method: &Method, operation: &mut Operation) {
     }
 }
 
+fn with_headers_of_results(operation: &mut Operation) {
+    for status in ["200", "206", "304"] {
+        let Some(RefOr::T(response)) = operation.responses.responses.get_mut(status) else { continue };
+        for (name, description) in about::DESCRIBED {
+            let mut header = Header::new(String::schema());
+            header.description = Some(description.to_owned());
+            response.headers.insert(name.to_owned(), RefOr::T(header));
+        }
+    }
+}
+
 fn described(description: &str) -> RefOr<Response> {
     RefOr::T(ResponseBuilder::new().description(description).build())
 }
@@ -193,6 +210,6 @@ mod tests {
                 }
             }
         }
-        assert_eq!(operations, 22);
+        assert_eq!(operations, 23);
     }
 }

@@ -5,6 +5,7 @@
 //! origin, the check of who may do what, and then its handler in `resources/`, `upload/` or `stow/`. Whatever is refused becomes a
 //! problem (RFC 9457) in one place, from the one table in [`crate::error`].
 
+mod about;
 mod auth;
 mod body;
 mod content;

@@ -88,6 +88,7 @@ fn headers(error: &Error) -> HeaderMap {
             Some((WWW_AUTHENTICATE, HeaderValue::from_static("Bearer realm=\"triplanar\"")))
         }
         Error::Busy(_) | Error::ShuttingDown => Some((RETRY_AFTER, RETRY_AFTER_SECONDS)),
+        Error::NotCurrent { retry_after_s, .. } => Some((RETRY_AFTER, HeaderValue::from(*retry_after_s))),
         Error::RangeNotSatisfiable { length } => {
             HeaderValue::from_str(&format!("bytes */{length}")).ok().map(|value| (CONTENT_RANGE, value))
         }

@@ -11,7 +11,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::resources::{
-    cloud, events, health, pages, reconstructions, report, series, series_control, slices,
+    clinical, cloud, events, health, pages, reconstructions, report, series, series_control, slices,
 };
 use super::{AppState, Context, auth, describe, host, observe, problem, stow, upload};
 use crate::error::Error;
@@ -27,6 +27,7 @@ pub(super) fn operations() -> OpenApiRouter<Context> {
         .routes(routes!(series::get_series, series_control::delete_series))
         .routes(routes!(series_control::complete_series))
         .routes(routes!(series_control::expect_instances))
+        .routes(routes!(clinical::choose_clinical))
         .routes(routes!(reconstructions::start_reconstruction))
         .routes(routes!(cloud::latest_cloud))
         .routes(routes!(report::latest_report))

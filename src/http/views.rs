@@ -8,8 +8,8 @@ use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, 
 use crate::pipeline::precise::Quality;
 use crate::pipeline::{Figures, Parameters, Stage};
 use crate::store::{
-    CompleteReason, Page, ReconstructionId, ReconstructionRecord, ReconstructionState, Refused, SeriesRecord,
-    SeriesState, UnfitReason, UnreadableRow,
+    ClinicalChoice, CompleteReason, Page, ReconstructionId, ReconstructionRecord, ReconstructionState,
+    Refused, SenderEnd, SeriesRecord, SeriesState, TransferDoubt, UnfitReason, UnreadableRow,
 };
 
 /// A series.
@@ -38,6 +38,12 @@ pub(super) struct SeriesView {
     pub revision: u32,
     /// What completed the latest revision.
     pub complete_reason: Option<CompleteReason>,
+    /// How the sender that ended last ended.
+    pub sender_end: Option<SenderEnd>,
+    /// Why it may not be what its sender meant to send. `incomplete_transfer`: a sender broke off, or
+    /// fewer instances came than were announced, and nothing made the series whole since (a word, the
+    /// expected number, a sender that ended well).
+    pub doubts: Vec<TransferDoubt>,
     /// Instances that the sender announced.
     pub expected_instances: Option<u64>,
     /// Instances stored.
@@ -64,10 +70,51 @@ pub(super) struct SeriesLinks {
     pub itself: String,
     /// Its reconstructions.
     pub reconstructions: String,
-    /// The cloud of its latest succeeded reconstruction.
+    /// The cloud of its clinical reconstruction.
     pub cloud: String,
     /// The report of the same.
     pub report: String,
+}
+
+/// The reconstruction that is served for a series.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub(super) struct ClinicalView {
+    /// Its id; `null` while there is none with a cloud.
+    pub reconstruction: Option<ReconstructionId>,
+    /// The revision that it was made from.
+    pub revision: Option<u32>,
+    /// Whether an operator chose it; else it is the one that the service queued itself.
+    pub chosen: bool,
+    /// How far a newer revision is, where there is or will be one: `receiving`, `queued`, `running`,
+    /// `failed`, `cancelled`, `not_reconstructable`, `removed`.
+    pub newer_revision: Option<String>,
+    /// What operators chose, oldest first.
+    pub choices: Vec<ClinicalChoiceView>,
+}
+
+/// An operator's choice.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub(super) struct ClinicalChoiceView {
+    /// The series' revision then.
+    pub revision: u32,
+    /// Which was chosen; `null`: back to the one that the service queued itself.
+    pub reconstruction: Option<ReconstructionId>,
+    /// Name of the token; `null` where none are configured.
+    pub chosen_by: Option<String>,
+    /// When.
+    #[schema(format = DateTime)]
+    pub chosen: String,
+}
+
+impl From<ClinicalChoice> for ClinicalChoiceView {
+    fn from(choice: ClinicalChoice) -> Self {
+        Self {
+            revision: choice.revision,
+            reconstruction: choice.reconstruction,
+            chosen_by: choice.chosen_by,
+            chosen: time(choice.chosen_ms),
+        }
+    }
 }
 
 /// A series, with what the list leaves out.
@@ -81,6 +128,8 @@ pub(super) struct SeriesDetail {
     pub unfit_detail: Option<String>,
     /// Its latest reconstruction.
     pub reconstruction: Option<ReconstructionView>,
+    /// The reconstruction whose cloud and report are served for it.
+    pub clinical: ClinicalView,
     /// The instances that were refused.
     pub refused: Vec<RefusedView>,
 }
@@ -223,6 +272,8 @@ impl From<SeriesRecord> for SeriesView {
             unfit_reason: record.unfit_reason,
             revision: record.revision,
             complete_reason: record.complete_reason,
+            sender_end: record.sender_end,
+            doubts: record.doubts,
             expected_instances: record.expected_instances,
             instances: record.instances,
             bytes: record.bytes,

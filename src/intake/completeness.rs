@@ -1,5 +1,5 @@
 //! When a series is complete: by the earliest of an explicit word, the expected number of
-//! instances, the end of its last sender and a short quiet time, a long quiet time alone.
+//! instances, the good end of its last sender and a short quiet time, a long quiet time alone.
 //!
 //! All of it is rows of the catalog: senders that are open, expected numbers, one deadline a
 //! series. The task here only sleeps until the next deadline.
@@ -12,7 +12,7 @@ use uuid::Uuid;
 use super::Intake;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
-use crate::store::{CompleteReason, Completion, End, ReconstructionId, now_ms};
+use crate::store::{CompleteReason, Completion, End, ReconstructionId, SenderEnd, now_ms};
 
 /// Sleep at most so long, so that a clock that is set forward is noticed.
 const LONGEST_SLEEP: Duration = Duration::from_secs(5);
@@ -20,26 +20,34 @@ const LONGEST_SLEEP: Duration = Duration::from_secs(5);
 const AFTER_FAULT: Duration = Duration::from_secs(1);
 
 impl Intake {
-    /// The association will send nothing more: its series are complete after the short quiet time,
-    /// unless others still send them.
+    /// The association was released, and will send nothing more: its series are complete after the
+    /// short quiet time, unless others still send them.
     ///
     /// # Errors
     /// The catalog's own.
     pub async fn association_ended(&self, sender: Uuid) -> Result<()> {
-        self.sender_ended(sender, CompleteReason::AssociationEnded).await
+        self.sender_ended(sender, SenderEnd::AssociationReleased).await
     }
 
-    /// The same of an HTTP request that broke off, or that was one of many.
+    /// The same of an HTTP request that was one of many.
     ///
     /// # Errors
     /// The catalog's own.
     pub async fn request_ended(&self, sender: Uuid) -> Result<()> {
-        self.sender_ended(sender, CompleteReason::UploadEnded).await
+        self.sender_ended(sender, SenderEnd::UploadEnded).await
     }
 
-    async fn sender_ended(&self, sender: Uuid, reason: CompleteReason) -> Result<()> {
-        self.shared.store.catalog().sender_ended(sender, reason, &self.shared.policy).await?;
+    /// The sender will send nothing more. Where it did not end well, no short quiet time begins, and
+    /// its series are in doubt (`incomplete_transfer`).
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn sender_ended(&self, sender: Uuid, end: SenderEnd) -> Result<()> {
+        let series = self.shared.store.catalog().sender_ended(sender, end, &self.shared.policy).await?;
         self.shared.timers.notify_one();
+        if end.completes().is_none() {
+            warn_of_doubt(&series, end);
+        }
         Ok(())
     }
 
@@ -122,7 +130,7 @@ impl Intake {
     async fn fire_due(&self, former_ended: &mut bool) -> Result<Duration> {
         let (catalog, policy) = (self.shared.store.catalog(), &self.shared.policy);
         if !*former_ended {
-            catalog.former_senders_ended(policy).await?;
+            warn_of_doubt(&catalog.former_senders_ended(policy).await?, SenderEnd::ServiceStopped);
             *former_ended = true;
         }
         for series in catalog.due().await? {
@@ -153,5 +161,11 @@ impl Intake {
             }
         }
         self.shared.metrics.series_completed(completion.reason);
+    }
+}
+
+fn warn_of_doubt(series: &[SeriesInstanceUid], end: SenderEnd) {
+    for series in series {
+        tracing::warn!(%series, sender_end = end.name(), "a sender broke off; the series may be incomplete");
     }
 }

@@ -47,9 +47,9 @@ pub use queue::{Claim, Fault, Heartbeat, Lease, Outcome, Reclaim};
 pub use reading::StoredInstances;
 pub(crate) use receiving::Staged;
 pub use records::{
-    CompleteReason, IdentityField, InstanceRecord, Page, ReconstructionFilter, ReconstructionId,
-    ReconstructionRecord, ReconstructionState, Refused, SeriesFilter, SeriesRecord, SeriesState, UnfitReason,
-    UnreadableRow,
+    Clinical, ClinicalChoice, CompleteReason, IdentityField, InstanceRecord, Page, ReconstructionFilter,
+    ReconstructionId, ReconstructionRecord, ReconstructionState, Refused, SenderEnd, SeriesFilter, SeriesRecord,
+    SeriesState, TransferDoubt, UnfitReason, UnreadableRow,
 };
 pub use removing::Swept;
 pub(crate) use stored::report_json;

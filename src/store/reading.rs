@@ -6,8 +6,8 @@ use std::sync::Arc;
 use super::blobs::Blobs;
 use super::catalog::set_sha256;
 use super::records::{
-    InstanceRecord, Page, ReconstructionFilter, ReconstructionId, ReconstructionRecord, Refused,
-    SeriesFilter, SeriesRecord,
+    Clinical, ClinicalChoice, InstanceRecord, Page, ReconstructionFilter, ReconstructionId,
+    ReconstructionRecord, Refused, SeriesFilter, SeriesRecord,
 };
 use super::{Damage, HashedFile, Store, blocking, hashed};
 use crate::dicom::series::unfit_detail;
@@ -127,13 +127,56 @@ impl Store {
         self.0.catalog.list_reconstructions(filter, cursor, limit).await
     }
 
-    /// The succeeded reconstruction of the series' latest revision that has one; of several (other
-    /// parameters) the one finished last.
+    /// The clinical reconstruction of the series: of the highest revision that has one with a cloud,
+    /// the one that an operator chose, or else the one that the service queued itself.
     ///
     /// # Errors
     /// The catalog's own.
-    pub async fn latest_succeeded(&self, uid: &SeriesInstanceUid) -> Result<Option<ReconstructionRecord>> {
-        self.0.catalog.latest_succeeded(uid).await
+    pub async fn clinical(&self, uid: &SeriesInstanceUid) -> Result<Option<Clinical>> {
+        self.0.catalog.clinical(uid).await
+    }
+
+    /// The one that is, or will be, clinical at that revision of the series, whatever its state.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn clinical_at(
+        &self,
+        uid: &SeriesInstanceUid,
+        revision: u32,
+    ) -> Result<Option<ReconstructionRecord>> {
+        self.0.catalog.clinical_at(uid, revision).await
+    }
+
+    /// Makes a reconstruction of the series the clinical one of its present revision; `None`: the one
+    /// that the service queued itself. `by` is the operator's name for the record.
+    ///
+    /// # Errors
+    /// No such series, no such reconstruction of it, one without a cloud.
+    pub async fn choose_clinical(
+        &self,
+        uid: &SeriesInstanceUid,
+        id: Option<ReconstructionId>,
+        by: Option<&str>,
+    ) -> Result<()> {
+        self.0.catalog.choose_clinical(uid, id, by).await
+    }
+
+    /// What operators chose, oldest first.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn clinical_choices(&self, uid: &SeriesInstanceUid) -> Result<Vec<ClinicalChoice>> {
+        self.0.catalog.clinical_choices(uid).await
+    }
+
+    /// Somebody asked for what the service would queue itself: it takes that place, where the
+    /// revision's is free (removed, failed).
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn take_for_clinical(&self, record: &ReconstructionRecord) -> Result<()> {
+        self.0.catalog.take_for_clinical(record).await
     }
 
     /// The stored cloud (binary PLY, LPS mm) of one plane, or for `None` the triplanar one.

@@ -71,6 +71,52 @@ named! {
 }
 
 named! {
+    /// How a sender ended: an association, an upload, or an HTTP request that brought instances.
+    SenderEnd {
+        /// A-RELEASE.
+        AssociationReleased = "association_released",
+        /// A-ABORT, of the sender or of ours: a timeout, a protocol error.
+        AssociationAborted = "association_aborted",
+        /// The connection was lost or closed without a release.
+        AssociationLost = "association_lost",
+        /// The request's body was received whole.
+        UploadEnded = "upload_ended",
+        /// The body broke off, or what it held could not be read to its end.
+        UploadBroken = "upload_broken",
+        /// It ended well, but instances had been refused for want of room and did not come again.
+        InstancesRefused = "instances_refused",
+        /// The service stopped, or was stopped, while it sent.
+        ServiceStopped = "service_stopped",
+    }
+}
+
+impl SenderEnd {
+    /// What a series is complete for after the short quiet time; `None` if the sender did not end
+    /// well: then only the long one counts.
+    #[must_use]
+    pub fn completes(self) -> Option<CompleteReason> {
+        match self {
+            Self::AssociationReleased => Some(CompleteReason::AssociationEnded),
+            Self::UploadEnded => Some(CompleteReason::UploadEnded),
+            Self::AssociationAborted
+            | Self::AssociationLost
+            | Self::UploadBroken
+            | Self::InstancesRefused
+            | Self::ServiceStopped => None,
+        }
+    }
+}
+
+named! {
+    /// Why a series may not be what its sender meant to send.
+    TransferDoubt {
+        /// A sender broke off, or fewer instances came than were announced, and the series was not
+        /// made whole since: by word, by count, or by a sender that ended well.
+        IncompleteTransfer = "incomplete_transfer",
+    }
+}
+
+named! {
     /// Why a series is kept but not reconstructed.
     UnfitReason {
         /// Modality is not CT.
@@ -214,6 +260,10 @@ pub struct SeriesRecord {
     pub revision: u32,
     /// What completed the latest revision.
     pub complete_reason: Option<CompleteReason>,
+    /// How the sender that ended last ended.
+    pub sender_end: Option<SenderEnd>,
+    /// Why it may not be what its sender meant to send.
+    pub doubts: Vec<TransferDoubt>,
     /// Instances that the sender announced.
     pub expected_instances: Option<u64>,
     /// Instances stored.
@@ -288,6 +338,31 @@ pub struct ReconstructionRecord {
     pub started_ms: Option<i64>,
     /// When it reached a final state.
     pub finished_ms: Option<i64>,
+}
+
+/// The clinical reconstruction of a series: the one that is served for it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Clinical {
+    /// Which.
+    pub reconstruction: ReconstructionRecord,
+    /// The revision of the series that it is the clinical one of: its own, or a later one at which an
+    /// operator chose it.
+    pub of_revision: u32,
+    /// Whether an operator chose it.
+    pub chosen: bool,
+}
+
+/// An operator's choice of the clinical reconstruction.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ClinicalChoice {
+    /// The series' revision then.
+    pub revision: u32,
+    /// Which was chosen; `None`: back to the one that the service queued itself.
+    pub reconstruction: Option<ReconstructionId>,
+    /// Name of the operator's token; `None` where no tokens are configured.
+    pub chosen_by: Option<String>,
+    /// When, Unix ms.
+    pub chosen_ms: i64,
 }
 
 /// Which series a list shows.

@@ -5,7 +5,8 @@ use std::time::Duration;
 use tempfile::tempdir;
 use triplanar::error::Error;
 use triplanar::store::{
-    CompleteReason, Fault, ReconstructionFilter, ReconstructionState, SeriesFilter, SeriesState, UnfitReason,
+    CompleteReason, Fault, ReconstructionFilter, ReconstructionState, SenderEnd, SeriesFilter, SeriesState,
+    TransferDoubt, UnfitReason,
 };
 use uuid::Uuid;
 
@@ -161,7 +162,7 @@ async fn a_late_instance_makes_a_revision_that_supersedes_the_old_one() {
     let new = entrance.intake.complete(&uid, CompleteReason::Explicit).await.unwrap().unwrap();
     assert_ne!(old, new);
     assert!(entrance.store.finish_success(&claim.lease, &outcome("old")).await.unwrap());
-    assert_eq!(entrance.store.latest_succeeded(&uid).await.unwrap().unwrap().id, old);
+    assert_eq!(entrance.store.clinical(&uid).await.unwrap().unwrap().reconstruction.id, old);
 
     let claim = entrance.store.claim("w", LEASE).await.unwrap().unwrap();
     assert_eq!((claim.reconstruction.id, claim.reconstruction.revision), (new, 2));
@@ -172,7 +173,7 @@ async fn a_late_instance_makes_a_revision_that_supersedes_the_old_one() {
     assert_eq!((superseded.state, superseded.superseded_by), (ReconstructionState::Superseded, Some(new)));
     assert_eq!(entrance.store.cloud(old, None).await.unwrap(), b"old None");
     assert_eq!(entrance.store.cloud(new, None).await.unwrap(), b"new None");
-    assert_eq!(entrance.store.latest_succeeded(&uid).await.unwrap().unwrap().id, new);
+    assert_eq!(entrance.store.clinical(&uid).await.unwrap().unwrap().reconstruction.id, new);
 }
 
 #[tokio::test]
@@ -196,7 +197,7 @@ async fn an_older_revision_that_ends_last_is_superseded_at_once() {
 async fn deadlines_and_jobs_survive_a_restart_and_fire_once() {
     let dir = tempdir().unwrap();
     let mut config = settings(dir.path());
-    config.intake.quiet_after_association = Duration::from_millis(100);
+    config.intake.quiet = Duration::from_millis(500);
     let entrance = Entrance::open(config).await;
     // Queued before the restart.
     entrance.send_all(Uuid::new_v4(), 1, 1..5).await;
@@ -205,7 +206,9 @@ async fn deadlines_and_jobs_survive_a_restart_and_fire_once() {
     entrance.send_all(Uuid::new_v4(), 2, 11..15).await;
     let entrance = entrance.restart().await;
     let series = entrance.until(2, SeriesState::Complete).await;
-    assert_eq!(series.complete_reason, Some(CompleteReason::AssociationEnded));
+    assert_eq!(series.complete_reason, Some(CompleteReason::Quiet));
+    assert_eq!(series.sender_end, Some(SenderEnd::ServiceStopped));
+    assert_eq!(series.doubts, [TransferDoubt::IncompleteTransfer]);
     let entrance = entrance.restart().await;
     for series in [1, 2] {
         assert_eq!(reconstructions(&entrance, series).await, 1);
@@ -294,4 +297,86 @@ async fn a_failed_reconstruction_keeps_its_report_and_is_queued_again_under_its_
     let (same, queued) = entrance.store.enqueue(&uid, &entrance.config.pipeline, 10).await.unwrap();
     assert!(!queued);
     assert_eq!(same.id, id);
+}
+
+#[tokio::test]
+async fn a_sender_that_broke_off_leaves_a_doubt_until_the_series_is_made_whole() {
+    let ends = [
+        SenderEnd::AssociationAborted,
+        SenderEnd::AssociationLost,
+        SenderEnd::UploadBroken,
+        SenderEnd::InstancesRefused,
+    ];
+    for end in ends {
+        let dir = tempdir().unwrap();
+        let mut config = settings(dir.path());
+        config.intake.quiet = Duration::from_millis(600);
+        config.intake.quiet_after_association = Duration::ZERO;
+        let entrance = Entrance::open(config).await;
+        for series in 1..=5 {
+            let sender = Uuid::new_v4();
+            entrance.send_all(sender, series, series * 10..series * 10 + 4).await;
+            entrance.intake.sender_ended(sender, end).await.unwrap();
+        }
+        for series in 1..=5 {
+            // The short quiet time is none at all: it would have been the reason.
+            let record = entrance.until(series, SeriesState::Complete).await;
+            assert_eq!(record.complete_reason, Some(CompleteReason::Quiet), "{end}");
+            assert_eq!(record.sender_end, Some(end));
+            assert_eq!(record.doubts, [TransferDoubt::IncompleteTransfer], "{end}");
+        }
+        let uid = |series| Slice::of(series, 0).series_uid();
+        let doubts = async |series| entrance.series(series).await.doubts;
+        // By word.
+        entrance.intake.complete(&uid(1), CompleteReason::Explicit).await.unwrap();
+        assert_eq!(doubts(1).await, []);
+        // By count, but not by one that is not reached.
+        entrance.intake.expect(&uid(2), 5).await.unwrap();
+        assert_eq!(doubts(2).await, [TransferDoubt::IncompleteTransfer]);
+        entrance.intake.expect(&uid(2), 4).await.unwrap();
+        assert_eq!(doubts(2).await, []);
+        // By a sender of the same instances that ended well, and not by one that did not.
+        for (again, left) in [(SenderEnd::AssociationLost, 1), (SenderEnd::AssociationReleased, 0)] {
+            let sender = Uuid::new_v4();
+            entrance.send_all(sender, 3, 30..34).await;
+            entrance.intake.sender_ended(sender, again).await.unwrap();
+            assert_eq!(doubts(3).await.len(), left, "{again}");
+        }
+        // By one that brings the rest.
+        let sender = Uuid::new_v4();
+        entrance.send_all(sender, 4, 44..46).await;
+        assert_eq!(doubts(4).await.len(), 1);
+        entrance.intake.association_ended(sender).await.unwrap();
+        let record = entrance.until(4, SeriesState::Complete).await;
+        assert_eq!((record.revision, record.complete_reason), (2, Some(CompleteReason::AssociationEnded)));
+        assert_eq!(record.doubts, []);
+        // By a whole upload.
+        let upload = Uuid::new_v4();
+        entrance.upload(upload, &Slice::of(5, 50).part10()).await.unwrap();
+        entrance.intake.upload_ended(upload).await.unwrap();
+        assert_eq!(doubts(5).await, []);
+    }
+}
+
+#[tokio::test]
+async fn what_was_said_to_be_whole_is_not_doubted_afterwards() {
+    let dir = tempdir().unwrap();
+    let mut config = settings(dir.path());
+    config.intake.quiet_after_association = Duration::ZERO;
+    let entrance = Entrance::open(config).await;
+    let uid = |series| Slice::of(series, 0).series_uid();
+    entrance.intake.expect(&uid(1), 4).await.unwrap();
+    entrance.intake.expect(&uid(3), 9).await.unwrap();
+    for series in 1..=3 {
+        let sender = Uuid::new_v4();
+        entrance.send_all(sender, series, series * 10..series * 10 + 4).await;
+        if series == 2 {
+            entrance.intake.complete(&uid(2), CompleteReason::Explicit).await.unwrap();
+        }
+        let end = if series == 3 { SenderEnd::AssociationReleased } else { SenderEnd::AssociationAborted };
+        entrance.intake.sender_ended(sender, end).await.unwrap();
+        let record = entrance.until(series, SeriesState::Complete).await;
+        // Nine were announced of the third.
+        assert_eq!(record.doubts.len(), usize::from(series == 3), "series {series}");
+    }
 }

@@ -5,11 +5,12 @@ use axum::http::{HeaderMap, Method};
 use axum::response::Response;
 use serde::{Deserialize, Serialize};
 
-use super::{latest_succeeded, off_the_runtime, readable, reconstruction_record};
+use super::{WantedRevision, clinical, off_the_runtime, readable, reconstruction_record};
 use crate::cloud::{Format, MaxError};
 use crate::error::{Error, Result};
 use crate::geometry::{Frame, Plane};
 use crate::http::Context;
+use crate::http::about::About;
 use crate::http::extract::{Parameters, ReconstructionPath, SeriesPath};
 use crate::http::media_type::negotiate;
 use crate::http::representation::Representation;
@@ -47,6 +48,31 @@ impl CloudPlane {
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(in crate::http) struct CloudQuery {
+    /// The file format; without it, `Accept` chooses.
+    #[param(inline)]
+    format: Option<Format>,
+    /// The merged cloud, or that of one plane.
+    #[serde(default)]
+    #[param(inline, required = false)]
+    plane: CloudPlane,
+    /// The frame of the coordinates.
+    #[serde(default)]
+    #[param(inline, required = false)]
+    frame: Frame,
+    /// Only the points whose expected error is at most this, mm. Clouds of the profile `paper` carry no
+    /// expected errors: 409, `no-expected-errors`.
+    #[param(value_type = Option<f32>, minimum = 0.0, maximum = 1000.0)]
+    max_error_mm: Option<MaxError>,
+}
+
+/// The same of a series.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(in crate::http) struct SeriesCloudQuery {
+    /// `current`: 409 with Retry-After unless the clinical reconstruction is of the latest revision.
+    #[param(inline)]
+    revision: Option<WantedRevision>,
     /// The file format; without it, `Accept` chooses.
     #[param(inline)]
     format: Option<Format>,
@@ -107,10 +133,13 @@ pub(in crate::http) async fn reconstruction_cloud(
     serve(&context, record, query, method, headers).await
 }
 
-/// The latest cloud of a series
+/// The clinical cloud of a series
 ///
-/// Of its latest succeeded reconstruction: one request for a navigation system that knows the
-/// Series Instance UID.
+/// One request for a navigation system that knows the Series Instance UID. It is that of the
+/// reconstruction that the service queued itself for the latest revision, never somebody's experiment,
+/// until an operator chooses another (`PUT /v1/series/{series}/clinical-reconstruction`). While a newer
+/// revision is at work, or if it has failed, the one before is served: `Triplanar-Newer-Revision` and
+/// `Link` say so, and `revision=current` refuses it.
 #[utoipa::path(
     get,
     path = "/v1/series/{series}/cloud",
@@ -118,7 +147,7 @@ pub(in crate::http) async fn reconstruction_cloud(
     tag = "Results",
     params(
         ("series" = crate::dicom::uid::SeriesInstanceUid, Path, description = "Series Instance UID."),
-        CloudQuery
+        SeriesCloudQuery
     ),
     responses(
         (status = 200, description = "The cloud.", content(
@@ -132,7 +161,7 @@ pub(in crate::http) async fn reconstruction_cloud(
         (status = 304, description = "The client has it: If-None-Match."),
         (status = 404, description = "No such series."),
         (status = 406, description = "None of the accepted media types is one of ours."),
-        (status = 409, description = "The series has no cloud (yet), or its points no expected errors."),
+        (status = 409, description = "The series has no cloud (yet), or none of its latest revision, or its points no expected errors."),
         (status = 416, description = "The range lies outside."),
         (status = 500, description = "The stored result is damaged (`result-damaged`): ask for the same reconstruction again to have it made again. Found while it is sent, the answer ends early and the connection is closed."),
         (status = 503, description = "The memory budget is in use: try again after Retry-After."),
@@ -141,11 +170,13 @@ pub(in crate::http) async fn reconstruction_cloud(
 pub(in crate::http) async fn latest_cloud(
     State(context): State<Context>,
     SeriesPath(uid): SeriesPath,
-    Parameters(query): Parameters<CloudQuery>,
+    Parameters(query): Parameters<SeriesCloudQuery>,
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response> {
-    let record = latest_succeeded(&context, &uid).await?;
+    let record = clinical(&context, &uid, query.revision).await?;
+    let SeriesCloudQuery { revision: _, format, plane, frame, max_error_mm } = query;
+    let query = CloudQuery { format, plane, frame, max_error_mm };
     serve(&context, record, query, method, headers).await
 }
 
@@ -163,10 +194,11 @@ async fn serve(
     if !record.state.has_cloud() {
         return Err(no_cloud(&record));
     }
+    let about = About::of(context, &record, &location(&record, &query, format)).await?;
     let file = readable(context, context.store.open_cloud(record.id, query.plane.plane()).await)?;
     let form = As { format, frame: query.frame, max_error: query.max_error_mm };
     let context = context.clone();
-    off_the_runtime(move || {
+    let response = off_the_runtime(move || {
         let representation = Representation {
             bytes: stored::cloud(&context, record.id, file, form)?,
             media_type: format.media_type(),
@@ -176,7 +208,17 @@ async fn serve(
         };
         representation.respond(&method, &headers)
     })
-    .await
+    .await?;
+    Ok(about.on(response))
+}
+
+/// Where these bytes are always found.
+fn location(record: &ReconstructionRecord, query: &CloudQuery, format: Format) -> String {
+    let plane = query.plane.plane().map_or(String::new(), |plane| format!("&plane={}", plane.name()));
+    let frame =
+        if query.frame == Frame::Lps { String::new() } else { format!("&frame={}", query.frame.name()) };
+    let filter = query.max_error_mm.map_or(String::new(), |mm| format!("&max_error_mm={mm}"));
+    format!("/v1/reconstructions/{}/cloud?format={}{plane}{frame}{filter}", record.id, format.name())
 }
 
 fn negotiated(headers: &HeaderMap) -> Result<Format> {

@@ -1,5 +1,6 @@
 //! The API by resource.
 
+pub(super) mod clinical;
 pub(super) mod cloud;
 pub(super) mod events;
 pub(super) mod health;
@@ -12,10 +13,13 @@ pub(super) mod slices;
 
 pub(super) use series_control::check_expected;
 
+use serde::Deserialize;
+
 use super::Context;
+use super::about::Newer;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
-use crate::store::{ReconstructionFilter, ReconstructionId, ReconstructionRecord, SeriesRecord};
+use crate::store::{ReconstructionId, ReconstructionRecord, SeriesRecord};
 
 /// A cursor, as long as any of ours can be.
 const MAX_CURSOR: usize = 200;
@@ -30,23 +34,65 @@ async fn reconstruction_record(context: &Context, id: ReconstructionId) -> Resul
     record.ok_or_else(|| Error::NotFound { what: "reconstruction", id: id.to_string() })
 }
 
-/// The latest reconstruction of a series that has a cloud to serve.
-async fn latest_succeeded(context: &Context, uid: &SeriesInstanceUid) -> Result<ReconstructionRecord> {
-    if let Some(record) = context.store.latest_succeeded(uid).await? {
-        return Ok(record);
+/// Which revision a request for a series' result puts up with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum WantedRevision {
+    /// The latest one alone.
+    Current,
+}
+
+/// The clinical reconstruction of a series.
+async fn clinical(
+    context: &Context,
+    uid: &SeriesInstanceUid,
+    wanted: Option<WantedRevision>,
+) -> Result<ReconstructionRecord> {
+    let clinical = context.store.clinical(uid).await?;
+    if let Some(WantedRevision::Current) = wanted {
+        let series = series_record(context, uid).await?;
+        let revision = clinical.as_ref().map_or(0, |clinical| clinical.of_revision);
+        if let Some(newer) = Newer::than(context, &series, revision).await? {
+            return Err(not_current(&newer));
+        }
     }
+    match clinical {
+        Some(clinical) => Ok(clinical.reconstruction),
+        None => Err(without_clinical(context, uid).await?),
+    }
+}
+
+/// What a client can do about a latest revision that has no cloud.
+fn not_current(newer: &Newer) -> Error {
+    const AT_WORK_S: u32 = 5;
+    const ENDED_S: u32 = 60;
+    let (detail, retry_after_s) = match newer.state {
+        "receiving" => ("instances are still coming; ask again", AT_WORK_S),
+        "queued" | "running" => ("its cloud is being made; ask again", AT_WORK_S),
+        "not_reconstructable" => {
+            ("see unfit_reason of the series; without revision=current an earlier one is served", ENDED_S)
+        }
+        _ => (
+            "see its reconstruction's error, or start it again; without revision=current an earlier one is served",
+            ENDED_S,
+        ),
+    };
+    Error::NotCurrent { revision: newer.revision, state: newer.state, detail, retry_after_s }
+}
+
+/// Why a series has nothing to serve.
+async fn without_clinical(context: &Context, uid: &SeriesInstanceUid) -> Result<Error> {
     let series = series_record(context, uid).await?;
-    let filter = ReconstructionFilter { series_instance_uid: Some(uid.clone()), state: None };
-    let latest = context.store.list_reconstructions(&filter, None, 1).await?.rows.pop();
+    let latest = context.store.clinical_at(uid, series.revision).await?;
     if let Some(ended) = latest.filter(|record| record.state.is_final()) {
         let report = if ended.has_report { "/report" } else { "" };
         let code = ended.error_code.as_deref().unwrap_or("no error");
-        return Err(Error::ReconstructionState {
+        return Ok(Error::ReconstructionState {
             state: ended.state.name(),
             detail: format!("it gave no cloud ({code}); /v1/reconstructions/{}{report} tells more", ended.id),
         });
     }
-    Err(match series.unfit_reason {
+    Ok(match series.unfit_reason {
         Some(reason) => {
             let detail = unfit_detail(context, uid).await?;
             Error::NotReconstructable { uid: uid.clone(), reason: reason.name().to_owned(), detail }

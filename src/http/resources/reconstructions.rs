@@ -48,7 +48,11 @@ pub(in crate::http) async fn start_reconstruction(
     body: JsonBody,
 ) -> Result<Response> {
     let parameters = merged(&context.config.pipeline, body.0)?;
+    let own = parameters == context.config.pipeline;
     let (record, _newly_made) = context.jobs.submit(&uid, parameters).await?;
+    if own {
+        context.store.take_for_clinical(&record).await?;
+    }
     let view = ReconstructionView::from(record);
     let location = view.links.itself.clone();
     Ok((StatusCode::ACCEPTED, [(LOCATION, location)], Json(view)).into_response())

@@ -4,11 +4,13 @@ use axum::extract::State;
 use axum::http::{HeaderMap, Method};
 use axum::response::Response;
 use bytes::Bytes;
+use serde::Deserialize;
 
-use super::{latest_succeeded, off_the_runtime, readable, reconstruction_record};
+use super::{WantedRevision, clinical, off_the_runtime, readable, reconstruction_record};
 use crate::error::{Error, Result};
 use crate::http::Context;
-use crate::http::extract::{ReconstructionPath, SeriesPath};
+use crate::http::about::About;
+use crate::http::extract::{Parameters, ReconstructionPath, SeriesPath};
 use crate::http::media_type::negotiate;
 use crate::http::representation::Representation;
 use crate::jobs::refused_instances;
@@ -54,15 +56,28 @@ pub(in crate::http) async fn reconstruction_report(
     serve(&context, record, method, headers).await
 }
 
-/// The latest report of a series
+/// Which revision of a series.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(in crate::http) struct RevisionQuery {
+    /// `current`: 409 with Retry-After unless the clinical reconstruction is of the latest revision.
+    #[param(inline)]
+    revision: Option<WantedRevision>,
+}
+
+/// The clinical report of a series
 ///
-/// Of its latest succeeded reconstruction.
+/// Of the same reconstruction as its cloud.
 #[utoipa::path(
     get,
     path = "/v1/series/{series}/report",
     operation_id = "getLatestReport",
     tag = "Results",
-    params(("series" = crate::dicom::uid::SeriesInstanceUid, Path, description = "Series Instance UID.")),
+    params(
+        ("series" = crate::dicom::uid::SeriesInstanceUid, Path, description = "Series Instance UID."),
+        RevisionQuery
+    ),
     responses(
         (status = 200, description = "The report.", content((Report = "application/json"), (String = "text/csv")),
          headers(("ETag" = String, description = "Strong; one for each media type and coding."))),
@@ -71,7 +86,7 @@ pub(in crate::http) async fn reconstruction_report(
         (status = 304, description = "The client has it: If-None-Match."),
         (status = 404, description = "No such series."),
         (status = 406, description = "Neither JSON nor CSV is accepted."),
-        (status = 409, description = "The series has no report (yet)."),
+        (status = 409, description = "The series has no cloud (yet), or none of its latest revision."),
         (status = 416, description = "The range lies outside."),
         (status = 500, description = "The stored result is damaged (`result-damaged`): ask for the same reconstruction again to have it made again."),
     ),
@@ -79,10 +94,11 @@ pub(in crate::http) async fn reconstruction_report(
 pub(in crate::http) async fn latest_report(
     State(context): State<Context>,
     SeriesPath(uid): SeriesPath,
+    Parameters(query): Parameters<RevisionQuery>,
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response> {
-    let record = latest_succeeded(&context, &uid).await?;
+    let record = clinical(&context, &uid, query.revision).await?;
     serve(&context, record, method, headers).await
 }
 
@@ -100,10 +116,11 @@ async fn serve(
     if !record.has_report {
         return Err(no_report(&record));
     }
+    let about = About::of(context, &record, &format!("/v1/reconstructions/{}/report", record.id)).await?;
     let stored = readable(context, context.store.report(record.id).await)?;
     // What was refused after the reconstruction had ended belongs to its report too.
     let refused = refused_instances(context.store.refused(&record.series_instance_uid).await?);
-    off_the_runtime(move || {
+    let response = off_the_runtime(move || {
         let mut report = report_json::read(&stored).map_err(|why| Error::Unreadable {
             what: "the report of reconstruction",
             id: record.id.to_string(),
@@ -125,7 +142,8 @@ async fn serve(
         };
         representation.respond(&method, &headers)
     })
-    .await
+    .await?;
+    Ok(about.on(response))
 }
 
 fn no_report(record: &ReconstructionRecord) -> Error {

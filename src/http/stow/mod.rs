@@ -15,7 +15,7 @@ use super::extract::StudyPath;
 use super::identity::Identity;
 use super::media_type::{MediaType, negotiate};
 use super::multipart::Multipart;
-use super::upload::{Arriving, Budget, Session, admit};
+use super::upload::{Arriving, Budget, Finished, Session, admit};
 use crate::dicom::uid::StudyInstanceUid;
 use crate::error::{Error, Result};
 
@@ -139,12 +139,12 @@ async fn store(
             ));
         }
     }
-    let (id, outcomes) = storing.session.finish().await?;
+    let Finished { id, outcomes, end } = storing.session.finish().await?;
     if outcomes.is_empty() {
         return Err(Error::EmptyUpload);
     }
     // A PACS may store a series in many requests: the quiet time tells the last one.
-    context.intake.request_ended(id).await?;
+    context.intake.sender_ended(id, end).await?;
     Ok(response::respond(&outcomes, &storing.identities))
 }
 

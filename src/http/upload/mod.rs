@@ -24,14 +24,14 @@ use super::resources::check_expected;
 use super::views::{ReconstructionView, SeriesView};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
-use crate::store::ReconstructionFilter;
+use crate::store::{ReconstructionFilter, SenderEnd};
 use answer::Tally;
 pub use answer::{Refusal, Skipped};
 pub(super) use answer::{UploadAnswer, UploadedSeries};
 pub use archive::SkipReason;
 pub(super) use budget::Budget;
 use receive::Received;
-pub(super) use session::{Arriving, Outcome, Session};
+pub(super) use session::{Arriving, Finished, Outcome, Session};
 
 /// What a whole body may call itself; its bytes decide what it is.
 const SINGLE_BODIES: [&str; 9] = [
@@ -158,14 +158,14 @@ pub(super) fn admit(
 /// Ends the upload: completes its series, and tells what is there now.
 async fn finish(context: &Context, received: Received, expect: Option<u64>) -> Result<Response> {
     let Received { session, skipped, .. } = received;
-    let (id, outcomes) = session.finish().await?;
+    let Finished { id, outcomes, end } = session.finish().await?;
     if let Some(expect) = expect {
         for series in series_of(&outcomes) {
             context.intake.expect(&series, expect).await?;
         }
     }
-    let uids = if expect.is_none() && is_lone_slice(&outcomes) {
-        context.intake.request_ended(id).await?;
+    let uids = if end != SenderEnd::UploadEnded || (expect.is_none() && is_lone_slice(&outcomes)) {
+        context.intake.sender_ended(id, end).await?;
         series_of(&outcomes).into_iter().collect()
     } else {
         context.intake.upload_ended(id).await?

@@ -166,7 +166,7 @@ async fn take(received: &mut Received, arriving: &mut Option<Arriving>, step: St
         }
         Step::Broken(cause) => {
             if let Some(arriving) = arriving.take() {
-                received.session.abandon(arriving, Error::MalformedUpload(cause));
+                received.session.broken(arriving, cause);
             }
         }
         Step::Skipped(name, reason) => received.skipped.push(Skipped { name, reason }),

@@ -10,9 +10,13 @@ use uuid::Uuid;
 use crate::dicom::uid::StudyInstanceUid;
 use crate::error::{Error, Result};
 use crate::intake::{Announced, Encoding, Intake, Receipt, Sender, Spool};
+use crate::store::SenderEnd;
 
 /// Instances that are made durable at a time: their syncs share the disk's time.
 const AT_A_TIME: usize = 8;
+
+/// The status of what has no room (PS3.4 table B.2-1).
+const OUT_OF_RESOURCES: u16 = 0xA700;
 
 /// What became of one instance.
 #[derive(Debug)]
@@ -33,7 +37,19 @@ pub(in crate::http) struct Session {
     running: FuturesUnordered<JoinHandle<Outcome>>,
     outcomes: Vec<Outcome>,
     begun: usize,
+    /// An instance could not be read to its end, or was refused for want of room.
+    torn: bool,
     finished: bool,
+}
+
+/// A session whose instances are all durable or refused.
+pub(in crate::http) struct Finished {
+    /// Its id, with which the intake must be told how it ended.
+    pub(in crate::http) id: Uuid,
+    /// What became of each instance, in the order in which they came.
+    pub(in crate::http) outcomes: Vec<Outcome>,
+    /// Whether all that was sent arrived.
+    pub(in crate::http) end: SenderEnd,
 }
 
 /// An instance that is arriving.
@@ -54,6 +70,7 @@ impl Session {
             running: FuturesUnordered::new(),
             outcomes: Vec::new(),
             begun: 0,
+            torn: false,
             finished: false,
         }
     }
@@ -105,19 +122,33 @@ impl Session {
         self.outcomes.push(Outcome { index: arriving.index, name: arriving.name, result: Err(error) });
     }
 
-    /// Waits for all instances: what became of each, in the order in which they came, and the
-    /// session's id, with which the intake must be told how it ended.
+    /// The archive breaks off within the instance.
+    pub(in crate::http) fn broken(&mut self, arriving: Arriving, cause: String) {
+        self.torn = true;
+        self.abandon(arriving, Error::MalformedUpload(cause));
+    }
+
+    /// Waits for all instances.
     ///
     /// # Errors
     /// What ends the whole request.
-    pub(in crate::http) async fn finish(mut self) -> Result<(Uuid, Vec<Outcome>)> {
+    pub(in crate::http) async fn finish(mut self) -> Result<Finished> {
         while !self.running.is_empty() {
             self.next_outcome().await?;
         }
         self.finished = true;
         let mut outcomes = std::mem::take(&mut self.outcomes);
         outcomes.sort_by_key(|outcome| outcome.index);
-        Ok((self.id, outcomes))
+        let no_room = |outcome: &Outcome| {
+            let refusal = outcome.result.as_ref().err().map(Error::mapping);
+            refusal.is_some_and(|mapping| mapping.dimse_status == OUT_OF_RESOURCES)
+        };
+        let end = match (self.torn, outcomes.iter().any(no_room)) {
+            (true, _) => SenderEnd::UploadBroken,
+            (false, true) => SenderEnd::InstancesRefused,
+            (false, false) => SenderEnd::UploadEnded,
+        };
+        Ok(Finished { id: self.id, outcomes, end })
     }
 
     async fn next_outcome(&mut self) -> Result<()> {
@@ -130,8 +161,7 @@ impl Session {
 }
 
 impl Drop for Session {
-    /// A request that broke off has ended as an association does: what came of its series is
-    /// complete after the short quiet time.
+    /// A request that broke off: what came of its series waits for the long quiet time, in doubt.
     fn drop(&mut self) {
         if self.finished || self.begun == 0 {
             return;
@@ -140,7 +170,7 @@ impl Drop for Session {
         let mut running = std::mem::take(&mut self.running);
         tokio::spawn(async move {
             while running.next().await.is_some() {}
-            if let Err(error) = intake.request_ended(id).await {
+            if let Err(error) = intake.sender_ended(id, SenderEnd::UploadBroken).await {
                 // The quiet time completes its series all the same.
                 tracing::error!(upload = %id, %error, "the upload's end was not recorded");
             }

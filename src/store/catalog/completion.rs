@@ -4,7 +4,7 @@
 use super::dialect::Connection;
 use super::instances::{set_sha256, signed};
 use super::queue::{self, Enqueued};
-use super::{Catalog, reconstructions, rows, senders, series};
+use super::{Catalog, clinical, reconstructions, rows, senders, series};
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
@@ -86,6 +86,9 @@ async fn end(
             Some(set) => reconstructions::id_of(connection, uid, &set, &policy.parameters).await?,
             None => None,
         };
+        if reason == CompleteReason::Explicit {
+            senders::set_incomplete(connection, uid, false).await?;
+        }
         return Ok(End::Already(id));
     }
 
@@ -115,6 +118,17 @@ async fn end(
             }
         }
     };
+    if let End::Reconstruction { id, .. } = end {
+        clinical::queued_by_the_service(connection, uid, id, revision).await?;
+    }
+    let short = record.expected_instances.is_some_and(|expected| record.instances < expected);
+    match reason {
+        CompleteReason::Explicit | CompleteReason::ExpectedInstances => {
+            senders::set_incomplete(connection, uid, false).await?;
+        }
+        _ if short => senders::set_incomplete(connection, uid, true).await?,
+        _ => {}
+    }
     let state = if unfit.is_some() { SeriesState::NotReconstructable } else { SeriesState::Complete };
     sqlx::query(
         "UPDATE series SET state = $2, unfit_reason = $3, revision = $4, complete_reason = $5, instances_sha256 = $6, \

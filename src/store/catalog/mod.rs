@@ -4,6 +4,7 @@
 //! belongs into a larger one takes the [`Transaction`]. Rows become the records of
 //! [`super::records`] in [`rows`].
 
+mod clinical;
 mod completion;
 mod dialect;
 mod identity;

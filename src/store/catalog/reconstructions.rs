@@ -37,21 +37,6 @@ impl Catalog {
         rows::page(&found, limit, rows::reconstruction, |last| Ok(last.try_get("id")?))
     }
 
-    /// That of the highest revision, and of those the one finished last.
-    pub(crate) async fn latest_succeeded(
-        &self,
-        uid: &SeriesInstanceUid,
-    ) -> Result<Option<ReconstructionRecord>> {
-        let row = sqlx::query(
-            "SELECT * FROM reconstructions WHERE series_uid = $1 AND state = 'succeeded' \
-             ORDER BY revision DESC, finished_ms DESC, id DESC LIMIT 1",
-        )
-        .bind(uid.as_str())
-        .fetch_optional(&self.readers)
-        .await?;
-        row.as_ref().map(rows::reconstruction).transpose()
-    }
-
     /// Prefix of its blobs, if it has any.
     pub(crate) async fn result_of(&self, id: ReconstructionId) -> Result<Option<String>> {
         let prefix = sqlx::query_scalar("SELECT result FROM reconstructions WHERE id = $1")

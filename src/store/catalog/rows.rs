@@ -12,8 +12,8 @@ use crate::dicom::identity::Identity;
 use crate::error::Error;
 use crate::pipeline::Stage;
 use crate::store::records::{
-    CompleteReason, InstanceRecord, ReconstructionRecord, ReconstructionState, Refused, SeriesRecord,
-    SeriesState, UnfitReason, UnreadableRow,
+    ClinicalChoice, CompleteReason, InstanceRecord, ReconstructionRecord, ReconstructionState, Refused,
+    SenderEnd, SeriesRecord, SeriesState, TransferDoubt, UnfitReason, UnreadableRow,
 };
 use crate::store::stored::{Unreadable, figure_json, parameter_json, quality_json};
 
@@ -127,6 +127,12 @@ fn series_record(row: &Row) -> Result<SeriesRecord> {
         unfit_reason: maybe_named(row, "unfit_reason", UnfitReason::from_name)?,
         revision: number(row, "revision")?,
         complete_reason: maybe_named(row, "complete_reason", CompleteReason::from_name)?,
+        sender_end: maybe_named(row, "sender_end", SenderEnd::from_name)?,
+        doubts: if row.try_get("incomplete_transfer")? {
+            vec![TransferDoubt::IncompleteTransfer]
+        } else {
+            Vec::new()
+        },
         expected_instances: maybe_number(row, "expected_instances")?,
         instances: number(row, "instances")?,
         bytes: number(row, "bytes")?,
@@ -186,6 +192,15 @@ pub(super) fn refused(row: &Row) -> Result<Refused> {
         code: row.try_get("code")?,
         times: number(row, "times")?,
         last_ms: row.try_get("last_ms")?,
+    })
+}
+
+pub(super) fn clinical_choice(row: &Row) -> Result<ClinicalChoice> {
+    Ok(ClinicalChoice {
+        revision: number(row, "revision")?,
+        reconstruction: maybe_parsed(row, "reconstruction_id")?,
+        chosen_by: row.try_get("chosen_by")?,
+        chosen_ms: row.try_get("chosen_ms")?,
     })
 }
 

@@ -9,7 +9,7 @@ use super::instances::signed;
 use super::{Catalog, now_ms, rows, series};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
-use crate::store::records::{CompleteReason, SeriesState};
+use crate::store::records::{CompleteReason, SenderEnd, SeriesState};
 
 impl Catalog {
     /// A duplicate came: the sender is alive, so a series that is still receiving waits on. One
@@ -25,23 +25,26 @@ impl Catalog {
         Ok(tx.commit().await?)
     }
 
-    /// The sender ended: its series that nobody else sends are due after the short quiet time, for
-    /// the reason that says what kind of sender it was.
+    /// The sender ended. If it ended well, its series that nobody else sends are due after the short
+    /// quiet time, for the reason that says what kind of sender it was; if not, after the long one, and
+    /// they are in doubt. Gives its series.
     pub(crate) async fn sender_ended(
         &self,
         sender: Uuid,
-        reason: CompleteReason,
+        end: SenderEnd,
         policy: &Policy,
-    ) -> Result<()> {
+    ) -> Result<Vec<SeriesInstanceUid>> {
         let mut tx = self.begin().await?;
-        for uid in forget(&mut tx, sender).await? {
-            hasten(&mut tx, &uid, reason, policy).await?;
+        let ended = forget(&mut tx, sender).await?;
+        for uid in &ended {
+            note_end(&mut tx, uid, end, policy).await?;
         }
-        Ok(tx.commit().await?)
+        tx.commit().await?;
+        Ok(ended)
     }
 
-    /// The senders of former processes ended with them.
-    pub(crate) async fn former_senders_ended(&self, policy: &Policy) -> Result<()> {
+    /// The senders of former processes ended with them: none of them well. Gives their series.
+    pub(crate) async fn former_senders_ended(&self, policy: &Policy) -> Result<Vec<SeriesInstanceUid>> {
         let mut tx = self.begin().await?;
         let orphaned = uids(
             sqlx::query_scalar("DELETE FROM open_senders WHERE process <> $1 RETURNING series_uid")
@@ -49,10 +52,11 @@ impl Catalog {
                 .fetch_all(&mut *tx)
                 .await?,
         );
-        for uid in orphaned {
-            hasten(&mut tx, &uid, CompleteReason::AssociationEnded, policy).await?;
+        for uid in &orphaned {
+            note_end(&mut tx, uid, SenderEnd::ServiceStopped, policy).await?;
         }
-        Ok(tx.commit().await?)
+        tx.commit().await?;
+        Ok(orphaned)
     }
 
     /// The upload is whole: completes its series, but for those that wait for an expected number
@@ -69,6 +73,8 @@ impl Catalog {
             let instances = series::one(&mut tx, &uid).await?.map_or(0, |series| series.instances);
             let waits = expected(&mut tx, &uid).await?.is_some_and(|expected| instances < expected)
                 || is_being_sent(&mut tx, &uid, policy).await?;
+            record_end(&mut tx, &uid, SenderEnd::UploadEnded).await?;
+            set_incomplete(&mut tx, &uid, false).await?;
             let completion = if waits {
                 None
             } else {
@@ -99,9 +105,16 @@ impl Catalog {
         .bind(now)
         .execute(&mut *tx)
         .await?;
-        let whole = series::one(&mut tx, uid)
-            .await?
-            .is_some_and(|series| series.state == SeriesState::Receiving && series.instances >= instances);
+        let series = series::one(&mut tx, uid).await?;
+        let enough = series.as_ref().is_some_and(|series| series.instances >= instances);
+        if let Some(series) = series.as_ref().filter(|series| series.state != SeriesState::Receiving) {
+            // A word that it is complete stands; retention may have taken what was there.
+            let short = series.complete_reason != Some(CompleteReason::Explicit) && series.instances > 0;
+            if enough || short {
+                set_incomplete(&mut tx, uid, !enough).await?;
+            }
+        }
+        let whole = enough && series.is_some_and(|series| series.state == SeriesState::Receiving);
         let completion = if whole {
             Some(complete(&mut tx, uid, CompleteReason::ExpectedInstances, policy, now).await?)
         } else {
@@ -235,6 +248,54 @@ async fn forget(connection: &mut Connection, sender: Uuid) -> Result<Vec<SeriesI
         .fetch_all(connection)
         .await?;
     Ok(uids(gone))
+}
+
+/// What the end of one of its senders means to a series.
+async fn note_end(
+    connection: &mut Connection,
+    uid: &SeriesInstanceUid,
+    end: SenderEnd,
+    policy: &Policy,
+) -> Result<()> {
+    record_end(connection, uid, end).await?;
+    if let Some(reason) = end.completes() {
+        set_incomplete(connection, uid, false).await?;
+        return hasten(connection, uid, reason, policy).await;
+    }
+    // Who said that it is complete, or how many there are, knew better.
+    let stands = "UPDATE series SET incomplete_transfer = TRUE WHERE series_uid = $1 \
+                  AND (state = 'receiving' OR complete_reason IS NULL OR complete_reason NOT IN ($2, $3))";
+    sqlx::query(stands)
+        .bind(uid.as_str())
+        .bind(CompleteReason::Explicit.name())
+        .bind(CompleteReason::ExpectedInstances.name())
+        .execute(&mut *connection)
+        .await?;
+    // Counted anew: the sender may try again.
+    set_due(connection, uid, now_ms() + policy.quiet_ms, CompleteReason::Quiet).await
+}
+
+async fn record_end(connection: &mut Connection, uid: &SeriesInstanceUid, end: SenderEnd) -> Result<()> {
+    sqlx::query("UPDATE series SET sender_end = $2 WHERE series_uid = $1")
+        .bind(uid.as_str())
+        .bind(end.name())
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+/// Puts the series in doubt, or takes the doubt from it.
+pub(super) async fn set_incomplete(
+    connection: &mut Connection,
+    uid: &SeriesInstanceUid,
+    incomplete: bool,
+) -> Result<()> {
+    sqlx::query("UPDATE series SET incomplete_transfer = $2 WHERE series_uid = $1")
+        .bind(uid.as_str())
+        .bind(incomplete)
+        .execute(connection)
+        .await?;
+    Ok(())
 }
 
 /// A sender of the series ended: if it was the last one, the deadline comes nearer.

@@ -31,6 +31,7 @@ pub(crate) const SLICES: u32 = 10;
 pub(crate) struct Server {
     pub(crate) address: SocketAddr,
     pub(crate) store: Store,
+    pub(crate) intake: Intake,
     pub(crate) shutdown: CancellationToken,
     pub(crate) served: tokio::task::JoinHandle<()>,
     pub(crate) config: Arc<Config>,
@@ -65,7 +66,7 @@ impl Server {
         let shutdown = CancellationToken::new();
         let state = AppState {
             store: store.clone(),
-            intake,
+            intake: intake.clone(),
             jobs: jobs.clone(),
             config: Arc::clone(&config),
             metrics,
@@ -74,7 +75,7 @@ impl Server {
         let served =
             tokio::spawn(async move { http::serve(listener, state, stop).await.expect("it serves") });
         let client = reqwest::Client::builder().no_proxy().build().unwrap();
-        Self { address, store, shutdown, served, config, client, jobs, _dir: dir }
+        Self { address, store, intake, shutdown, served, config, client, jobs, _dir: dir }
     }
 
     /// Runs the workers too, until the server is dropped.

@@ -1,0 +1,170 @@
+//! A sender that breaks off: whatever the door, the cloud of half a head says so.
+
+use std::io::Write as _;
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+use crate::support::client::Client;
+use crate::support::scu::{CT, EXPLICIT, Request, Scu, ct_slice, pdu};
+use crate::support::service::{Service, Settings};
+
+/// No quiet time after an end that counts: it would be the reason for which a series is complete.
+fn settings() -> Settings {
+    Settings::new()
+        .with("intake.quiet_after_association", "0")
+        .with("intake.quiet", "2")
+        .with("intake.min_slices", "3")
+}
+
+fn series(number: u8) -> String {
+    format!("1.2.3.{number}")
+}
+
+/// Stores `indices` of the series on an association that stays open.
+fn stored(service: &Service, number: u8, indices: std::ops::Range<u16>) -> Scu {
+    let mut scu = Scu::associate(service.dimse, &Request::new(&[(1, CT, &[EXPLICIT])]));
+    for index in indices {
+        let instance = format!("{}.{}", series(number), index + 1);
+        scu.store(1, index + 1, &instance, &ct_slice(&series(number), &instance, index, 40), 8_000);
+        assert_eq!(scu.response().status(), 0);
+    }
+    scu
+}
+
+async fn complete(service: &Service, number: u8) -> Value {
+    let begin = Instant::now();
+    loop {
+        let told = Client::new(service.http).json(&format!("/v1/series/{}", series(number))).await;
+        if told["state"] != "receiving" {
+            return told;
+        }
+        assert!(begin.elapsed() < Duration::from_secs(60), "{told:#}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+}
+
+async fn is_doubted(service: &Service, number: u8, end: &str) {
+    let told = complete(service, number).await;
+    assert_eq!(told["complete_reason"], "quiet", "{told:#}");
+    assert_eq!(told["sender_end"], end, "{told:#}");
+    assert_eq!(told["doubts"], json!(["incomplete_transfer"]), "{told:#}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_association_that_breaks_off_leaves_a_doubt_until_it_is_sent_well() {
+    let service = settings().start();
+    // An A-ABORT between two instances (PS3.8 section 9.3.8), a closed connection, and one that is
+    // closed in the middle of a PDU.
+    stored(&service, 1, 0..4).send(&pdu(7, &[0; 4]));
+    drop(stored(&service, 2, 0..4));
+    let mut torn = stored(&service, 3, 0..4);
+    torn.send(&[4, 0, 0, 0, 100, 0, 0]);
+    drop(torn);
+    stored(&service, 4, 0..4).release();
+    is_doubted(&service, 1, "association_aborted").await;
+    is_doubted(&service, 2, "association_lost").await;
+    is_doubted(&service, 3, "association_lost").await;
+    let well = complete(&service, 4).await;
+    assert_eq!((&well["complete_reason"], &well["doubts"]), (&json!("association_ended"), &json!([])));
+    assert_eq!(well["sender_end"], "association_released");
+    for number in 1..=3 {
+        stored(&service, number, 0..6).release();
+        let again = complete(&service, number).await;
+        assert_eq!((&again["doubts"], &again["revision"]), (&json!([]), &json!(2)), "{again:#}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn so_does_a_stop_of_the_service_in_the_middle() {
+    let service = settings().start();
+    let open = stored(&service, 1, 0..4);
+    let service = settings().start_on(service.kill());
+    drop(open);
+    is_doubted(&service, 1, "service_stopped").await;
+    let mut open = stored(&service, 2, 0..4);
+    let (status, dir) = service.terminate();
+    assert!(status.success());
+    open.expect_abort(0, 0);
+    let service = settings().start_on(dir);
+    is_doubted(&service, 2, "service_stopped").await;
+}
+
+/// A multipart body of four whole files, cut in the fifth.
+fn cut_body(number: u8, head: &str) -> Vec<u8> {
+    let mut body = Vec::new();
+    for index in 0..5_u16 {
+        let instance = format!("{}.{}", series(number), index + 1);
+        let mut part = file(&ct_slice(&series(number), &instance, index, 40), &instance);
+        if index == 4 {
+            part.truncate(part.len() / 2);
+        }
+        body.extend(format!("--b\r\n{head}\r\n\r\n").bytes());
+        body.extend(part);
+        body.extend(b"\r\n");
+    }
+    body
+}
+
+/// A Part 10 file (PS3.10 section 7.1) around a data set in explicit VR.
+fn file(data_set: &[u8], instance: &str) -> Vec<u8> {
+    let mut meta = vec![2, 0, 1, 0, b'O', b'B', 0, 0, 2, 0, 0, 0, 0, 1];
+    for (element, uid) in [(0x02_u8, CT), (0x03, instance), (0x10, EXPLICIT), (0x12, "1.2.3.4")] {
+        let mut value = uid.as_bytes().to_vec();
+        value.resize(value.len().next_multiple_of(2), 0);
+        meta.extend([2, 0, element, 0, b'U', b'I', u8::try_from(value.len()).unwrap(), 0]);
+        meta.extend(value);
+    }
+    let mut file = vec![0; 128];
+    file.extend(b"DICM");
+    file.extend([2, 0, 0, 0, b'U', b'L', 4, 0]);
+    file.extend(u32::try_from(meta.len()).unwrap().to_le_bytes());
+    file.extend(meta);
+    file.extend(data_set);
+    file
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn so_does_a_request_that_is_cut_in_the_middle() {
+    let service = settings().start();
+    let doors = [
+        (
+            1,
+            "/v1/series",
+            "multipart/form-data",
+            "Content-Disposition: form-data; name=\"f\"; filename=\"a\"",
+        ),
+        (
+            2,
+            "/dicom-web/studies",
+            "multipart/related; type=\"application/dicom\"",
+            "Content-Type: application/dicom",
+        ),
+    ];
+    for (number, path, media_type, head) in doors {
+        let body = cut_body(number, head);
+        let mut stream = TcpStream::connect(service.http).unwrap();
+        let request = format!(
+            "POST {path} HTTP/1.1\r\nHost: {}\r\nContent-Type: {media_type}; boundary=b\r\n\
+             Content-Length: {}\r\n\r\n",
+            service.http,
+            body.len() + 100_000
+        );
+        stream.write_all(request.as_bytes()).unwrap();
+        stream.write_all(&body).unwrap();
+        // Until the whole ones are stored: the cut is to be met in the fifth.
+        let client = Client::new(service.http);
+        for _ in 0..600 {
+            let told = client.get(&format!("/v1/series/{}", series(number))).await.text().await.unwrap();
+            if told.contains("\"instances\":4") {
+                break;
+            }
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+        drop(stream);
+    }
+    for (number, ..) in doors {
+        is_doubted(&service, number, "upload_broken").await;
+    }
+}
