@@ -45,6 +45,7 @@ mod phantom_truth;
 mod precise_acquisitions;
 mod precise_files;
 mod published_program_clouds;
+mod published_program_fixture;
 mod published_program_points;
 mod published_program_slices;
 mod store_data_dir;
