@@ -184,7 +184,10 @@ pub enum Error {
     },
     /// The cloud's points carry no expected error to filter by. 409.
     #[error("{0}: reconstruct the series with {{\"profile\": \"precise\"}}, or leave out max_error_mm")]
-    NoExpectedErrors(#[from] crate::cloud::NoErrors),
+    NoExpectedErrors(crate::cloud::NoErrors),
+    /// The cloud that was asked for has no point: of that plane, or within that error. 422.
+    #[error("{0}")]
+    EmptyCloud(String),
     /// The source instances are no longer stored. 410.
     #[error("the source instances are no longer stored")]
     SourceRemoved,
@@ -301,6 +304,7 @@ impl Error {
             Self::ReconstructionState { .. } => ("reconstruction-state", "Not in that state", 0x0110, 409),
             Self::NotCurrent { .. } => ("not-current", "Latest revision not there", 0x0110, 409),
             Self::NoExpectedErrors(_) => ("no-expected-errors", "No expected errors", 0x0110, 409),
+            Self::EmptyCloud(_) => ("empty-cloud", "Empty cloud", 0x0110, 422),
             Self::SourceRemoved => ("source-removed", "Source removed", 0x0110, 410),
             Self::RequestTimeout => ("request-timeout", "Request timeout", 0x0110, 408),
             Self::ResultDamaged { .. } => ("result-damaged", "Result damaged", 0x0110, 500),
@@ -308,6 +312,15 @@ impl Error {
             Self::Internal(_) => ("internal", "Internal error", 0x0110, 500),
         };
         Mapping { code, title, dimse_status, http_status }
+    }
+}
+
+impl From<crate::cloud::Unfiltered> for Error {
+    fn from(error: crate::cloud::Unfiltered) -> Self {
+        match error {
+            crate::cloud::Unfiltered::NoErrors(error) => Self::NoExpectedErrors(error),
+            nothing_left => Self::EmptyCloud(format!("{nothing_left}; ask for a larger max_error_mm")),
+        }
     }
 }
 

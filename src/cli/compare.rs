@@ -39,6 +39,7 @@ struct Document<'a> {
 }
 
 pub(super) fn run(args: Args) -> Result<(), Failed> {
+    args.json.check([args.a.as_path(), args.b.as_path()])?;
     let a = Opened::new(&args.a, args.frame_a)?;
     let b = Opened::new(&args.b, args.frame_b)?;
     a.check_unit(&b)?;
@@ -57,8 +58,8 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
 }
 
 fn direction(table: &mut Table, name: &str, direction: &Direction) {
-    table.distances(name, &direction.distances, direction.sign);
     let (from, to) = name.split_once(" to ").unwrap_or((name, ""));
+    table.distances(name, &direction.distances, direction.sign, to);
     table.coverage(format!("{to} covered by {from}"), &direction.coverage);
     table.unique(format!("unique in {from}"), &direction.unique);
 }

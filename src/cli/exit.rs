@@ -1,15 +1,6 @@
 //! Exit codes, and the one error of the command line.
 
-use std::fmt::Display;
-
-/// Stands below `triplanar --help`.
-pub(super) const TABLE: &str = "Exit codes:
-  0  done
-  1  internal error, or the output can't be written
-  2  the arguments or the configuration are not valid, or --series is needed
-  3  the input can't be read, or holds no CT series, no cloud, no mesh
-  4  the series can't be reconstructed: its geometry or its pixels (the message names the error)
-  5  no skin was found (empty_cloud, no_head, …); the report has the reasons";
+use std::fmt::{Display, Write as _};
 
 /// How a subcommand ended, as its process's exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,8 +13,39 @@ pub enum Exit {
     Input = 3,
     /// The series can't be reconstructed.
     Series = 4,
-    /// No skin was found; there is a report.
+    /// The cloud that was asked for has no point; there is a report.
     EmptyCloud = 5,
+}
+
+impl Exit {
+    /// All of them, by code.
+    const ALL: [Self; 5] = [Self::Internal, Self::Usage, Self::Input, Self::Series, Self::EmptyCloud];
+
+    /// What it means, in the table below `triplanar --help`.
+    fn meaning(self) -> &'static str {
+        match self {
+            Self::Internal => "internal error, or an output can't be written",
+            Self::Usage => "the arguments or the configuration are not valid, or --series is needed",
+            Self::Input => "the input can't be read, or holds no CT series, no cloud, no mesh",
+            Self::Series => {
+                "the CT series can't be reconstructed: too few slices, geometry or pixels (the message names \
+                 the error)"
+            }
+            Self::EmptyCloud => {
+                "no skin was found (empty_cloud, no_head, …), or no point is of --plane or within \
+                 --max-error-mm; the report has the reasons"
+            }
+        }
+    }
+}
+
+/// The codes and their meanings, as they stand below `triplanar --help`.
+pub(super) fn table() -> String {
+    let mut table = "Exit codes:\n  0  done".to_owned();
+    for exit in Exit::ALL {
+        write!(table, "\n  {}  {}", exit as u8, exit.meaning()).expect("writing to a string");
+    }
+    table
 }
 
 /// A subcommand that did not do what it was asked to.

@@ -29,7 +29,7 @@ pub use settings::Settings;
 ///
 /// Not a medical device: for research and development.
 #[derive(Debug, Parser)]
-#[command(name = "triplanar", version, after_help = exit::TABLE)]
+#[command(name = "triplanar", version, after_help = exit::table())]
 struct Cli {
     #[command(subcommand)]
     command: Command,

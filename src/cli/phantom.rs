@@ -105,29 +105,42 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     if is_taken {
         return Err(Failed::usage(format!("{} is not empty", dir.display())));
     }
-    let files = write_images(&phantom, dir, args.enhanced)
-        .map_err(|error| Failed::internal(format!("{} can't be written: {error}", dir.display())))?;
+    std::fs::create_dir_all(dir).map_err(|error| unwritable(dir, &error))?;
+    let [case_path, skin_path] = [beside(dir, "json"), beside(dir, "skin.npy")];
+    for path in [&dir.join("probe"), &case_path, &skin_path] {
+        output::check(path)?;
+    }
+    let files = write_images(&phantom, dir, args.enhanced).map_err(|error| unwritable(dir, &error))?;
     let identity = phantom.identity();
     let skin = skin_npy(&phantom, &identity);
-    output::write(&beside(dir, "json"), &case(&phantom, &identity))?;
-    output::write(&beside(dir, "skin.npy"), &skin)?;
-    println!("series       {}", identity.series_instance_uid);
-    println!("images       {files} in {}", dir.display());
-    println!("true skin    {}", beside(dir, "skin.npy").display());
-    Ok(())
+    output::write(&case_path, &case(&phantom, &identity))?;
+    output::write(&skin_path, &skin)?;
+    output::print(format_args!(
+        "series       {}\nimages       {files} in {}\ntrue skin    {}\n",
+        identity.series_instance_uid,
+        dir.display(),
+        skin_path.display()
+    ))
+}
+
+fn unwritable(dir: &Path, error: &std::io::Error) -> Failed {
+    Failed::internal(format!("{} can't be written: {error}", dir.display()))
 }
 
 fn write_images(phantom: &Phantom, dir: &Path, enhanced: bool) -> std::io::Result<usize> {
     if !enhanced {
         return Ok(phantom.write_series(dir)?.len());
     }
-    std::fs::create_dir_all(dir)?;
     std::fs::write(dir.join("ENHANCED.dcm"), phantom.enhanced_instance().1)?;
     Ok(1)
 }
 
-/// `DIR.extension`, whatever dots DIR has.
+/// `DIR.extension`, whatever dots DIR has. A DIR that ends in `.` or `..` is called what it is.
 fn beside(dir: &Path, extension: &str) -> PathBuf {
+    let dir = match dir.file_name() {
+        Some(_) => dir.to_owned(),
+        None => dir.canonicalize().unwrap_or_else(|_| dir.to_owned()),
+    };
     let mut name = dir.components().as_path().as_os_str().to_owned();
     name.push(".");
     name.push(extension);

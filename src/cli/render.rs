@@ -71,6 +71,8 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     if args.caption.len() > args.clouds.len() {
         return Err(Failed::usage("there are more captions than clouds"));
     }
+    output::all_differ([args.output.as_path()], args.clouds.iter().map(PathBuf::as_path))?;
+    output::check(&args.output)?;
     let opened: Vec<Opened> =
         args.clouds.iter().map(|path| Opened::new(path, args.frame)).collect::<Result<_, _>>()?;
     if let Some((path, _)) = args.clouds.iter().zip(&opened).find(|(_, cloud)| cloud.shape.points.is_empty())
@@ -104,6 +106,5 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     let mut png = Cursor::new(Vec::new());
     draw(&subjects, &options).write_to(&mut png, ImageFormat::Png).map_err(Failed::internal)?;
     output::write(&args.output, &png.into_inner())?;
-    println!("picture      {}", args.output.display());
-    Ok(())
+    output::print(format_args!("picture      {}\n", args.output.display()))
 }

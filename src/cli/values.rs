@@ -28,7 +28,8 @@ pub(super) fn frame() -> impl TypedValueParser<Value = Frame> {
 
 /// The names of [`Format`].
 pub(super) fn format() -> impl TypedValueParser<Value = Format> {
-    named(Format::ALL.map(|format| (format.name(), format)))
+    let names = Format::ALL.into_iter().map(|format| (format.name(), format));
+    named(names.chain(Format::ALL.into_iter().filter_map(|format| Some((format.alias()?, format)))))
 }
 
 /// The names of [`Profile`].

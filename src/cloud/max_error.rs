@@ -20,6 +20,22 @@ impl Eq for MaxError {}
 #[error("the largest expected error must be a number of mm within 0 to 1000")]
 pub struct InvalidMaxError;
 
+/// Why a cloud can't be filtered by its expected errors.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Unfiltered {
+    /// None of its errors is known.
+    #[error(transparent)]
+    NoErrors(#[from] NoErrors),
+    /// Not one point would be left.
+    #[error("no point has an expected error of at most {limit} mm: the least one is {least_mm:.4} mm")]
+    NothingLeft {
+        /// What was asked for.
+        limit: MaxError,
+        /// The least expected error of the cloud's points, mm.
+        least_mm: f32,
+    },
+}
+
 impl MaxError {
     /// mm.
     #[must_use]
@@ -30,8 +46,14 @@ impl MaxError {
     /// Drops the points beyond it and notes it among what the cloud says about itself.
     ///
     /// # Errors
-    /// [`NoErrors`] for a cloud whose errors are not known.
-    pub fn apply(self, cloud: &mut PointCloud, metadata: &mut Metadata) -> Result<(), NoErrors> {
+    /// [`Unfiltered`] for a cloud whose errors are not known, and where no point would be left; the
+    /// cloud stays as it is.
+    pub fn apply(self, cloud: &mut PointCloud, metadata: &mut Metadata) -> Result<(), Unfiltered> {
+        let least_mm = cloud.errors.iter().copied().reduce(f32::min);
+        let nothing_left = !cloud.errors.iter().any(|&error| error <= self.0);
+        if let (Some(least_mm), true) = (least_mm, nothing_left) {
+            return Err(Unfiltered::NothingLeft { limit: self, least_mm });
+        }
         cloud.keep_within(self.0)?;
         metadata.max_error_mm = Some(self);
         Ok(())

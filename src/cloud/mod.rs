@@ -8,6 +8,6 @@ mod metadata;
 mod point_cloud;
 
 pub use formats::{Conversion, ConversionError, Converting, Format, UnknownFormat, encode, ply};
-pub use max_error::{InvalidMaxError, MaxError};
+pub use max_error::{InvalidMaxError, MaxError, Unfiltered};
 pub use metadata::Metadata;
 pub use point_cloud::{NoErrors, PointCloud};

@@ -181,6 +181,12 @@ impl Report {
         out
     }
 
+    /// The CSV of no slice: its header line.
+    #[must_use]
+    pub fn csv_without_rows() -> Vec<u8> {
+        super::table::csv(&[]).into_bytes()
+    }
+
     /// The rows of the slices as CSV (RFC 4180) with a header line.
     #[must_use]
     pub fn to_csv(&self) -> Vec<u8> {

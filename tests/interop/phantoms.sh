@@ -2,15 +2,15 @@
 # Scores the clouds of `precise` on eleven phantoms whose skin is known, in four kinds of scan, at
 # leaf 1 and 0.38, each plane alone, with the target registration error of the finest kind and the
 # honesty of the stated error; nothing is registered. About 25 minutes on two cores.
-#   phantoms.sh TRIPLANAR [SHARED]
+#   phantoms.sh TRIPLANAR
 set -euo pipefail
 triplanar=$(realpath "$1")
-shared=$(realpath "${2:-../shared}")
+tools=$(realpath "$(dirname "$0")/../tools")
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
 python3 -m venv "$dir/venv"
 "$dir/venv/bin/pip" -q install numpy scipy numba pydicom scikit-image
-OPENBLAS_NUM_THREADS=1 "$dir/venv/bin/python" - "$triplanar" "$shared/tools" "$dir" <<'PY'
+OPENBLAS_NUM_THREADS=1 "$dir/venv/bin/python" - "$triplanar" "$tools" "$dir" <<'PY'
 import json, re, subprocess, sys, time
 import numpy as np
 from scipy.spatial import cKDTree

@@ -45,10 +45,10 @@ fn metadata() -> impl Strategy<Value = Metadata> {
         })
 }
 
-/// A stored cloud converted piece by piece, or that it has no errors to filter by.
+/// A stored cloud converted piece by piece, or that it can't be filtered.
 fn streamed(stored: &[u8], format: Format, frame: Frame, most: Option<MaxError>) -> Option<Vec<u8>> {
     let conversion = match Conversion::of(stored, format, frame, most) {
-        Err(ConversionError::NoErrors(_)) => return None,
+        Err(ConversionError::Unfiltered(_)) => return None,
         conversion => conversion.expect("a stored cloud"),
     };
     let length = conversion.length();

@@ -603,8 +603,9 @@ fn real(data: &Path, name: &str, folder: &str) -> Vec<Vec<u8>> {
 }
 
 #[test]
+#[cfg_attr(not(test_data), ignore = "no test data at TRIPLANAR_TEST_DATA")]
 fn broken_geometry_is_refused_with_the_instances_named() {
-    let Some(data) = data::dir() else { return };
+    let data = data::dir();
     for (folder, code, named) in [
         ("sliceincrement/001/", "missing_slice", 2),
         ("sliceincrement/002/", "missing_slice", 2),
@@ -621,8 +622,9 @@ fn broken_geometry_is_refused_with_the_instances_named() {
 }
 
 #[test]
+#[cfg_attr(not(test_data), ignore = "no test data at TRIPLANAR_TEST_DATA")]
 fn real_series_have_the_geometry_that_their_scanners_gave_them() {
-    let Some(data) = data::dir() else { return };
+    let data = data::dir();
     use WarningCode::{GantryTilt, Oblique, Padding, ThickSlices, VariableSpacing};
     // Name, slices, tilt, first and last z of the first pixels, warnings.
     for (name, slices, tilt, z, expected) in [

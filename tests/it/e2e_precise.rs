@@ -50,6 +50,13 @@ async fn the_service_gives_the_command_lines_bytes_its_verdict_and_filtered_clou
     let axial = client.bytes(&format!("{path}/cloud?max_error_mm=0.1&plane=axial")).await;
     assert!(ply(&axial).0["expected_error_mm"].iter().all(|error| *error <= f64::from(limit)));
     assert_eq!(client.get(&format!("{path}/cloud?max_error_mm=-1")).await.status(), 400);
+    for format in ["ply", "ply_ascii", "pcd", "raw", "npy"] {
+        let none = client.get(&format!("{path}/cloud?max_error_mm=0.000001&format={format}")).await;
+        assert_eq!(none.status(), 422, "{format}: a filter that keeps nothing gives no cloud");
+        let problem: Value = none.json().await.expect("a problem");
+        assert_eq!(problem["type"], "urn:triplanar:problem:empty-cloud");
+        assert!(problem["detail"].as_str().is_some_and(|detail| detail.contains("least")), "{problem}");
+    }
 
     // Pictures: in mm proportion, the accepted border green where the report has one.
     let id = rows[0]["id"].as_str().expect("an id");

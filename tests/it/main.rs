@@ -1,9 +1,12 @@
 //! One binary for all tests that go through the doors that users use.
 
+mod cli_demo;
 mod cli_evaluate;
+mod cli_outputs;
 mod cli_phantom;
 mod cli_reconstruct;
 mod cli_render;
+mod cli_token;
 mod cloud_ply;
 mod dicom_decode;
 mod dicom_jpeg_lossless;
@@ -48,6 +51,7 @@ mod phantom_truth;
 mod precise_acquisitions;
 mod precise_files;
 mod published_program_clouds;
+mod published_program_fixture;
 mod published_program_points;
 mod published_program_slices;
 mod store_data_dir;

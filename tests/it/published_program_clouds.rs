@@ -15,16 +15,18 @@ use crate::support::published::{Published, SERIES};
 const TOLERANCE: f32 = 1e-3;
 
 #[test]
+#[cfg_attr(not(test_data), ignore = "no test data at TRIPLANAR_TEST_DATA")]
 fn every_stage_at_leaf_1_is_the_published_programs() {
-    let Some(data) = data::dir() else { return };
+    let data = data::dir();
     for name in SERIES {
         check(&Published::of(&data, name), name, "1");
     }
 }
 
 #[test]
+#[cfg_attr(not(test_data), ignore = "no test data at TRIPLANAR_TEST_DATA")]
 fn every_stage_at_leaf_0_38_is_the_published_programs() {
-    let Some(data) = data::dir() else { return };
+    let data = data::dir();
     check(&Published::of(&data, "phantom_4"), "phantom_4", "0.38");
 }
 

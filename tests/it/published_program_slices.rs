@@ -3,14 +3,15 @@
 use triplanar::geometry::Plane;
 use triplanar::pipeline::contour::Pixel;
 use triplanar::pipeline::decisions::{Decisions, decide};
-use triplanar::pipeline::{Parameters, Silent};
+use triplanar::pipeline::{Parameters, Silent, SliceRow};
 
 use crate::support::published::{Published, SERIES, Slice};
 use crate::support::{data, instances};
 
 #[test]
+#[cfg_attr(not(test_data), ignore = "no test data at TRIPLANAR_TEST_DATA")]
 fn every_slice_is_decided_as_by_the_published_program() {
-    let Some(data) = data::dir() else { return };
+    let data = data::dir();
     for name in SERIES {
         let volume = instances::volume(&data, name);
         let decisions = decide(&volume.hu, &Parameters::paper(), &Silent).expect("nobody cancels");
@@ -32,17 +33,7 @@ fn differences(decisions: &Decisions, published: &Published) -> Vec<String> {
     assert_eq!(decisions.rows.len(), theirs.len(), "a row for every slice");
     let mut differences = Vec::new();
     for ((our_row, our_contour), their_row) in decisions.rows.iter().zip(&decisions.contours).zip(&theirs) {
-        let our = Slice {
-            plane: our_row.plane,
-            index: our_row.index,
-            accepted: our_row.rejection.is_none(),
-            reason: our_row.rejection.map_or(String::new(), |r| r.reason.name().to_owned()),
-            contour_points: our_row.contour_points,
-            contour_area: our_row.contour_area,
-            solidity: our_row.solidity,
-            carried_area_before: our_row.carried_area.0,
-            carried_area_after: our_row.carried_area.1,
-        };
+        let our = told(our_row);
         let no_contour = Vec::new();
         let their_contour = their_contours.get(&(our.plane, our.index)).unwrap_or(&no_contour);
         if !is_equal(&our, their_row) {
@@ -54,9 +45,24 @@ fn differences(decisions: &Decisions, published: &Published) -> Vec<String> {
     differences
 }
 
+/// Our decision, as the published program tells its own.
+pub(crate) fn told(row: &SliceRow) -> Slice {
+    Slice {
+        plane: row.plane,
+        index: row.index,
+        accepted: row.rejection.is_none(),
+        reason: row.rejection.map_or(String::new(), |r| r.reason.name().to_owned()),
+        contour_points: row.contour_points,
+        contour_area: row.contour_area,
+        solidity: row.solidity,
+        carried_area_before: row.carried_area.0,
+        carried_area_after: row.carried_area.1,
+    }
+}
+
 /// The carried area counts where there is a contour to compare with; elsewhere the program prints
 /// what the plane before has left behind.
-fn is_equal(our: &Slice, their: &Slice) -> bool {
+pub(crate) fn is_equal(our: &Slice, their: &Slice) -> bool {
     let close = |a: Option<f64>, b: Option<f64>| match (a, b) {
         (Some(a), Some(b)) => (a - b).abs() <= 1e-9 * b.abs(),
         (a, b) => a.is_none() && b.is_none(),
@@ -71,15 +77,16 @@ fn is_equal(our: &Slice, their: &Slice) -> bool {
 }
 
 /// The set of pixels; the program lists a pixel as often as its border passes it, as we do.
-fn sorted(contour: &[Pixel]) -> Vec<Pixel> {
+pub(crate) fn sorted(contour: &[Pixel]) -> Vec<Pixel> {
     let mut pixels = contour.to_vec();
     pixels.sort_unstable();
     pixels
 }
 
 #[test]
+#[cfg_attr(not(test_data), ignore = "no test data at TRIPLANAR_TEST_DATA")]
 fn the_published_results_hold_accepted_and_rejected_slices_of_every_plane() {
-    let Some(data) = data::dir() else { return };
+    let data = data::dir();
     for plane in Plane::ALL {
         let of_plane: Vec<Slice> = SERIES
             .iter()

@@ -3,7 +3,7 @@
 mod source;
 mod table;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -69,22 +69,29 @@ pub(super) struct Json {
 }
 
 impl Json {
+    /// Refuses a file that can't be written, or that is one of the inputs, before the work begins.
+    pub(super) fn check<'a>(&'a self, inputs: impl IntoIterator<Item = &'a Path>) -> Result<(), Failed> {
+        match self.json.as_deref() {
+            Some(path) if path.as_os_str() != "-" => {
+                super::output::all_differ([path], inputs)?;
+                super::output::check(path)
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Prints the table and writes the figures, as asked for.
     pub(super) fn write(&self, figures: &impl Serialize, table: &Table) -> Result<(), Failed> {
         let mut text = serde_json::to_vec_pretty(figures).map_err(Failed::internal)?;
         text.push(b'\n');
         match self.json.as_deref() {
-            Some(path) if path.as_os_str() == "-" => {
-                use std::io::Write as _;
-                std::io::stdout().write_all(&text).map_err(Failed::internal)?;
-            }
+            Some(path) if path.as_os_str() == "-" => super::output::print(String::from_utf8_lossy(&text)),
             Some(path) => {
                 super::output::write(path, &text)?;
-                print!("{table}");
+                super::output::print(table)
             }
-            None => print!("{table}"),
+            None => super::output::print(table),
         }
-        Ok(())
     }
 }
 
@@ -100,6 +107,8 @@ struct Document<'a> {
 }
 
 pub(super) fn run(args: Args) -> Result<(), Failed> {
+    let inputs = [Some(&args.cloud), Some(&args.truth), args.axial.as_ref()];
+    args.json.check(inputs.into_iter().flatten().map(PathBuf::as_path))?;
     let cloud = Opened::new(&args.cloud, args.frame)?;
     let truth = Opened::new(&args.truth, args.truth_frame)?;
     let axial = args.axial.as_ref().map(|path| Opened::new(path, args.frame)).transpose()?;

@@ -51,7 +51,7 @@ impl Table {
             self.coverage("coverage, axial", &over.axial_coverage);
         }
         self.coverage("coverage", &evaluation.coverage);
-        self.distances("distance", &evaluation.distances, evaluation.sign);
+        self.distances("distance", &evaluation.distances, evaluation.sign, "the truth");
         self.registration(evaluation.registration.as_ref());
     }
 
@@ -67,8 +67,14 @@ impl Table {
         self.line(name, format!("{near} within 1 mm, {far} within 1.5 mm"));
     }
 
-    /// Distances without registration.
-    pub(crate) fn distances(&mut self, name: impl Into<String>, distances: &Distances, sign: Sign) {
+    /// Distances to `target` without registration.
+    pub(crate) fn distances(
+        &mut self,
+        name: impl Into<String>,
+        distances: &Distances,
+        sign: Sign,
+        target: &str,
+    ) {
         let Distances { mean_mm, rms_mm, p95_mm, p99_mm, max_mm, .. } = distances;
         self.line(
             name,
@@ -77,7 +83,7 @@ impl Table {
             ),
         );
         let bias = match (distances.bias_mm, sign) {
-            (Some(bias), Sign::Normals) => format!("bias {bias:+.3} mm (along the truth's normals)"),
+            (Some(bias), Sign::Normals) => format!("bias {bias:+.3} mm (along {target}'s normals)"),
             (Some(bias), _) => format!("bias {bias:+.3} mm (positive outside)"),
             (None, _) => "no bias: nothing tells which side is outside".to_owned(),
         };

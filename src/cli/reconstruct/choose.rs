@@ -19,16 +19,35 @@ struct Candidate {
     detail: Option<String>,
 }
 
+/// Why none of the series can be reconstructed.
+pub(super) struct Refused {
+    /// The stable code, where a series is at fault and not the arguments.
+    pub(super) code: Option<&'static str>,
+    pub(super) failed: Failed,
+}
+
+impl Refused {
+    fn new(exit: Exit, code: UnfitReason, message: String) -> Self {
+        Self { code: Some(code.name()), failed: Failed::new(exit, message) }
+    }
+}
+
+impl From<Failed> for Refused {
+    fn from(failed: Failed) -> Self {
+        Self { code: None, failed }
+    }
+}
+
 /// The series that is asked for, or the one that can be reconstructed.
 pub(super) fn series<'a>(
     inputs: &'a Inputs,
     wanted: Option<&SeriesInstanceUid>,
     min_slices: usize,
-) -> Result<Selected<'a>, Failed> {
+) -> Result<Selected<'a>, Refused> {
     let candidates = candidates(inputs, min_slices);
     if candidates.is_empty() {
         let message = format!("no DICOM instance that can be used among {} files", inputs.len());
-        return Err(Failed::new(Exit::Input, message));
+        return Err(Failed::new(Exit::Input, message).into());
     }
     let list = listed(&candidates);
     let chosen = match wanted {
@@ -40,17 +59,25 @@ pub(super) fn series<'a>(
     };
     if let Some(reason) = chosen.unfit {
         let message = format!("{reason}: series {} can't be reconstructed\n{list}", chosen.uid);
-        return Err(Failed::new(Exit::Series, message));
+        return Err(Refused::new(Exit::Series, reason, message));
     }
     Ok(Selected { inputs, files: chosen.files })
 }
 
-fn the_one_that_fits(candidates: Vec<Candidate>, list: &str) -> Result<Candidate, Failed> {
+fn the_one_that_fits(candidates: Vec<Candidate>, list: &str) -> Result<Candidate, Refused> {
+    let mut reasons = candidates.iter().filter_map(|candidate| candidate.unfit);
+    let reason = reasons.clone().find(|reason| *reason != UnfitReason::NotCt);
+    let no_ct = reasons.next().filter(|_| reason.is_none());
     let mut fit: Vec<_> = candidates.into_iter().filter(|candidate| candidate.unfit.is_none()).collect();
-    match (fit.pop(), fit.len()) {
-        (Some(only), 0) => Ok(only),
-        (Some(_), _) => Err(Failed::usage(format!("several series: choose one by --series UID\n{list}"))),
-        (None, _) => Err(Failed::new(Exit::Series, format!("no series can be reconstructed\n{list}"))),
+    match (fit.pop(), fit.len(), reason.or(no_ct)) {
+        (Some(only), 0, _) => Ok(only),
+        (None, _, Some(UnfitReason::NotCt)) => {
+            Err(Refused::new(Exit::Input, UnfitReason::NotCt, format!("no series is CT\n{list}")))
+        }
+        (None, _, Some(reason)) => {
+            Err(Refused::new(Exit::Series, reason, format!("no series can be reconstructed\n{list}")))
+        }
+        _ => Err(Failed::usage(format!("several series: choose one by --series UID\n{list}")).into()),
     }
 }
 

@@ -2,17 +2,21 @@
 
 mod choose;
 mod destination;
+mod report;
 mod summary;
 mod thresholds;
 
 use std::path::PathBuf;
 
-use super::inputs::Inputs;
+use super::inputs::{Inputs, Selected};
 use super::progress::Progress;
 use super::{Exit, Failed, Settings, output};
+use crate::cloud::Format;
 use crate::dicom::uid::SeriesInstanceUid;
-use crate::reconstruction::{self, Failure, Report};
-use destination::Destination;
+use crate::reconstruction::{self, Failure, Product};
+use destination::{Destination, Written};
+use report::{Reason, ReportFile};
+use summary::Summary;
 use thresholds::Thresholds;
 
 /// Turn the DICOM files of a folder or zip into a cloud, without a service
@@ -23,9 +27,8 @@ pub(super) struct Args {
     input: PathBuf,
     #[command(flatten)]
     destination: Destination,
-    /// Where the report goes, as JSON, or as CSV if the name ends in .csv
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportFile,
     /// Series Instance UID, where the input holds several series
     #[arg(long, value_name = "UID")]
     series: Option<SeriesInstanceUid>,
@@ -40,41 +43,71 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     let parameters = args.thresholds.over(&config.pipeline)?;
     let format = args.destination.format()?;
     args.destination.check(parameters.profile)?;
+    let outputs = || [Some(args.destination.path()), args.report.path()].into_iter().flatten();
+    output::all_differ(outputs(), [args.input.as_path()])?;
+    outputs().try_for_each(output::check)?;
     let inputs = Inputs::open(&args.input, &config)?;
     for file in &inputs.refused {
         eprintln!("not used: {}: {}: {}", file.name, file.code, file.detail);
     }
-    let selected = choose::series(&inputs, args.series.as_ref(), config.intake.min_slices)?;
+    let selected = match choose::series(&inputs, args.series.as_ref(), config.intake.min_slices) {
+        Ok(selected) => selected,
+        Err(choose::Refused { code, failed }) => {
+            if let Some(code) = code {
+                let reason = Reason { code, detail: &failed.message, instances: &[] };
+                args.report.write_unmade(reason, inputs.refused)?;
+            }
+            return Err(failed);
+        }
+    };
     let progress = Progress::new(parameters.profile);
     let outcome = reconstruction::run(&selected, &parameters, &config.read_limits(), &progress);
     progress.finish();
     match outcome {
         Ok(mut product) => {
             product.report.unused = selected.unused();
-            let kept = args.destination.write(&product, format)?;
-            write_report(args.report.as_ref(), &product.report)?;
-            summary::print(&product.report);
-            if let Some(kept) = kept {
-                println!("kept         {kept} points within --max-error-mm");
-            }
-            println!("cloud        {}", args.destination.path().display());
-            Ok(())
+            args.finish(&product, format)
         }
-        Err(mut failure) => {
-            if let Some(report) = &mut failure.report {
-                report.unused = selected.unused();
-                write_report(args.report.as_ref(), report)?;
-                summary::print(report);
-            }
-            Err(failed(&failure))
-        }
+        Err(failure) => Err(args.no_cloud(failure, &selected)),
     }
 }
 
-fn write_report(path: Option<&PathBuf>, report: &Report) -> Result<(), Failed> {
-    let Some(path) = path else { return Ok(()) };
-    let is_csv = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"));
-    output::write(path, &if is_csv { report.to_csv() } else { report.to_json() })
+impl Args {
+    /// Report, cloud and summary of a reconstruction that succeeded.
+    fn finish(&self, product: &Product, format: Format) -> Result<(), Failed> {
+        // First: it tells why the cloud is as it is, even one that can't be written.
+        self.report.write(&product.report)?;
+        let written = self.destination.write(product, format);
+        output::print(Summary { report: &product.report, plane: self.destination.plane() })?;
+        match written? {
+            Written::Whole => {}
+            Written::Filtered(kept) => {
+                output::print(format_args!("kept         {kept} points within --max-error-mm\n"))?;
+            }
+        }
+        output::print(format_args!("cloud        {}\n", self.destination.path().display()))
+    }
+
+    /// The report of a reconstruction that gave no cloud, and what to say of it.
+    fn no_cloud(&self, mut failure: Failure, selected: &Selected<'_>) -> Failed {
+        let failed = failed(&failure);
+        let told = match &mut failure.report {
+            Some(report) => {
+                report.unused = selected.unused();
+                let summary = Summary { report, plane: self.destination.plane() };
+                self.report.write(report).and_then(|()| output::print(summary))
+            }
+            None => {
+                let Failure { code, detail, instances, .. } = &failure;
+                self.report.write_unmade(Reason { code, detail, instances }, selected.unused())
+            }
+        };
+        // The failure itself matters more than where it could not be told.
+        if let Err(untold) = told {
+            eprintln!("triplanar: {untold}");
+        }
+        failed
+    }
 }
 
 fn failed(failure: &Failure) -> Failed {

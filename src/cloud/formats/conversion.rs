@@ -6,7 +6,7 @@ use std::io::{self, BufRead};
 use super::ply::StoredCloud;
 use super::vertex::Vertex;
 use super::{Format, Writer};
-use crate::cloud::{MaxError, NoErrors};
+use crate::cloud::{MaxError, NoErrors, Unfiltered};
 use crate::geometry::Frame;
 
 /// About so many bytes are made at a time.
@@ -26,9 +26,9 @@ pub struct Conversion {
 /// Why a stored cloud can't be converted.
 #[derive(Debug, thiserror::Error)]
 pub enum ConversionError {
-    /// It is to be filtered by what is not known of it.
+    /// It can't be filtered: nothing is known to filter by, or no point would be left.
     #[error(transparent)]
-    NoErrors(#[from] NoErrors),
+    Unfiltered(#[from] Unfiltered),
     /// It can't be read, or is no binary PLY of ours.
     #[error(transparent)]
     Io(#[from] io::Error),
@@ -49,15 +49,17 @@ impl Conversion {
     ) -> Result<Self, ConversionError> {
         let mut cloud = StoredCloud::open(stored)?;
         if max_error.is_some() && cloud.vertices > 0 && !cloud.layout.errors {
-            return Err(NoErrors.into());
+            return Err(Unfiltered::NoErrors(NoErrors).into());
         }
         let writer = format.row().writer;
         let each = (writer.vertex_bytes)(cloud.layout);
         let (mut points, mut body) = (cloud.vertices, 0);
+        let mut least_mm: Option<f32> = None;
         if max_error.is_some() || each.is_none() {
             points = 0;
             let mut text = Vec::new();
             while let Some(vertex) = cloud.next()? {
+                least_mm = least_mm.into_iter().chain(vertex.error).reduce(f32::min);
                 if within(&vertex, max_error) {
                     points += 1;
                     text.clear();
@@ -67,6 +69,9 @@ impl Conversion {
             }
         } else {
             body = points as u64 * each.unwrap_or_default() as u64;
+        }
+        if let (Some(limit), Some(least_mm), 0) = (max_error, least_mm, points) {
+            return Err(Unfiltered::NothingLeft { limit, least_mm }.into());
         }
         let layout = cloud.layout.with_points(points);
         let mut metadata = cloud.metadata;

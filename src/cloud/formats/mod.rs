@@ -20,12 +20,12 @@ pub use conversion::{Conversion, ConversionError, Converting};
 use vertex::{Layout, Vertex};
 
 /// A file format for clouds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
 pub enum Format {
     /// PLY 1.0, binary little endian: x y z float, planes uchar, unique uchar; where known, nx ny nz
     /// float and expected_error_mm float before these two.
     #[default]
-    #[serde(rename = "ply_binary")]
+    #[serde(rename = "ply_binary", alias = "ply")]
     PlyBinary,
     /// PLY 1.0, text; the floats read back to the same bits.
     #[serde(rename = "ply_ascii")]
@@ -132,10 +132,16 @@ impl Format {
         self.row().extension
     }
 
-    /// The format of that [`Format::name`].
+    /// Another name that is understood wherever a format is asked for: `ply` is the binary one.
+    #[must_use]
+    pub fn alias(self) -> Option<&'static str> {
+        (self == Self::PlyBinary).then_some("ply")
+    }
+
+    /// The format of that [`Format::name`] or [`Format::alias`].
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
-        ALL_ROWS.iter().find(|row| row.name == name).map(|row| row.format)
+        Self::ALL.into_iter().find(|format| format.name() == name || format.alias() == Some(name))
     }
 
     /// The format that a file with that extension holds, upper or lower case; `ply` is the binary
@@ -145,6 +151,19 @@ impl Format {
         ALL_ROWS.iter().find(|row| row.extension.eq_ignore_ascii_case(extension)).map(|row| row.format)
     }
 }
+
+impl utoipa::PartialSchema for Format {
+    fn schema() -> utoipa::openapi::RefOr<utoipa::openapi::schema::Schema> {
+        let names = Self::ALL.into_iter().flat_map(|format| [Some(format.name()), format.alias()]);
+        utoipa::openapi::ObjectBuilder::new()
+            .schema_type(utoipa::openapi::schema::Type::String)
+            .enum_values(Some(names.flatten()))
+            .description(Some("A file format for clouds; `ply` is `ply_binary`."))
+            .into()
+    }
+}
+
+impl utoipa::ToSchema for Format {}
 
 impl std::str::FromStr for Format {
     type Err = UnknownFormat;
@@ -180,6 +199,10 @@ mod tests {
             assert_eq!(row.format, format);
             assert_eq!(Format::from_name(row.name), Some(format));
             assert_eq!(serde_json::to_value(format).unwrap(), row.name);
+            for name in [Some(row.name), format.alias()].into_iter().flatten() {
+                assert_eq!(serde_json::from_value::<Format>(name.into()).unwrap(), format);
+                assert_eq!(name.parse(), Ok(format));
+            }
         }
         assert_eq!(Format::from_extension("PLY"), Some(Format::PlyBinary));
         assert_eq!(Format::from_extension("stl"), None);

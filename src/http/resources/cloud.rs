@@ -59,8 +59,8 @@ pub(in crate::http) struct CloudQuery {
     #[serde(default)]
     #[param(inline, required = false)]
     frame: Frame,
-    /// Only the points whose expected error is at most this, mm. Clouds of the profile `paper` carry no
-    /// expected errors: 409, `no-expected-errors`.
+    /// Only the points whose expected error is at most this, mm; 422 where there is none. Clouds of the
+    /// profile `paper` carry no expected errors: 409, `no-expected-errors`.
     #[param(value_type = Option<f32>, minimum = 0.0, maximum = 1000.0)]
     max_error_mm: Option<MaxError>,
 }
@@ -118,6 +118,7 @@ pub(in crate::http) struct SeriesCloudQuery {
         (status = 406, description = "None of the accepted media types is one of ours."),
         (status = 409, description = "The reconstruction has no cloud (yet), or its points no expected errors."),
         (status = 416, description = "The range lies outside."),
+        (status = 422, description = "No point is of that plane, or within max_error_mm: `empty-cloud`."),
         (status = 500, description = "The stored result is damaged (`result-damaged`): ask for the same reconstruction again to have it made again. Found while it is sent, the answer ends early and the connection is closed."),
         (status = 503, description = "The memory budget is in use: try again after Retry-After."),
     ),
@@ -163,6 +164,7 @@ pub(in crate::http) async fn reconstruction_cloud(
         (status = 406, description = "None of the accepted media types is one of ours."),
         (status = 409, description = "The series has no cloud (yet), or none of its latest revision, or its points no expected errors."),
         (status = 416, description = "The range lies outside."),
+        (status = 422, description = "No point is of that plane, or within max_error_mm: `empty-cloud`."),
         (status = 500, description = "The stored result is damaged (`result-damaged`): ask for the same reconstruction again to have it made again. Found while it is sent, the answer ends early and the connection is closed."),
         (status = 503, description = "The memory budget is in use: try again after Retry-After."),
     ),

@@ -18,7 +18,7 @@ def main() -> int:
         if shared is not None and shared.is_dir():
             peers.append(shared_series)
         else:
-            print('skipped: real series: no shared data')
+            print('ignored: real series: no shared data')
         for peer in peers:
             with checks.no_exception(peer.__name__):
                 peer.run(checks, service, phantom, work, shared)

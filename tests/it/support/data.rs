@@ -1,27 +1,24 @@
-//! Where the shared test data is. Without it, the tests that need it are skipped, aloud.
+//! Where the shared test data is. A test that needs it says so, and is ignored where `build.rs` does
+//! not find it:
+//!
+//! ```ignore
+//! #[test]
+//! #[cfg_attr(not(test_data), ignore = "no test data at TRIPLANAR_TEST_DATA")]
+//! ```
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// The folder of the shared test data, from `TRIPLANAR_TEST_DATA`, or `../shared/data` beside the
-/// checkout. `None` (after a line on standard error) where it is absent.
+/// checkout.
 ///
 /// # Panics
-/// If it is absent although `TRIPLANAR_REQUIRE_TEST_DATA=1` says that it must be there.
-pub(crate) fn dir() -> Option<PathBuf> {
+/// If it is absent: the test is not marked as one that needs it.
+pub(crate) fn dir() -> PathBuf {
     let path = std::env::var_os("TRIPLANAR_TEST_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    if path.join("series").is_dir() && path.join("syntax").is_dir() {
-        return Some(path);
-    }
-    assert!(
-        std::env::var_os("TRIPLANAR_REQUIRE_TEST_DATA").is_none_or(|value| value != "1"),
-        "TRIPLANAR_REQUIRE_TEST_DATA=1, and there is no test data at {}",
-        path.display()
-    );
-    let thread = std::thread::current();
-    eprintln!("skipped: {}: no test data at {}", thread.name().unwrap_or("a test"), path.display());
-    None
+    assert!(path.join("series").is_dir(), "no test data at {}", path.display());
+    path
 }
 
 /// The files of `series/<name>.zip` whose path begins with `folder` (empty: all): path and bytes,

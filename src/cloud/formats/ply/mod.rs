@@ -46,6 +46,13 @@ pub(super) const ASCII_WRITER: Writer = Writer {
     vertex_bytes: |_| None,
 };
 
+/// Whether a binary file that [`super::encode`] wrote holds no vertex, without reading it all: nothing
+/// follows the header. (A vertex ends with its flag `unique`, 0 or 1, never with a line break.)
+#[must_use]
+pub fn is_empty(binary: &[u8]) -> bool {
+    binary.ends_with(b"\nend_header\n")
+}
+
 fn header(encoding: &str, points: usize, layout: Layout, metadata: &Metadata, frame: Frame) -> Vec<u8> {
     let mut out = format!("ply\nformat {encoding} 1.0\n").into_bytes();
     for (key, value) in metadata.lines(frame) {
