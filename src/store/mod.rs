@@ -48,8 +48,8 @@ pub use reading::StoredInstances;
 pub(crate) use receiving::Staged;
 pub use records::{
     Clinical, ClinicalChoice, CompleteReason, IdentityField, InstanceRecord, Page, ReconstructionFilter,
-    ReconstructionId, ReconstructionRecord, ReconstructionState, Refused, SenderEnd, SeriesFilter, SeriesRecord,
-    SeriesState, TransferDoubt, UnfitReason, UnreadableRow,
+    ReconstructionId, ReconstructionRecord, ReconstructionState, Refused, SenderEnd, SeriesFilter,
+    SeriesRecord, SeriesState, TransferDoubt, UnfitReason, UnreadableRow,
 };
 pub use removing::Swept;
 pub(crate) use stored::report_json;
