@@ -174,6 +174,16 @@ pub struct Memory {
 const UNKNOWN_MACHINE: u64 = 2 << 30;
 
 impl Memory {
+    /// That of a command, which nobody else's answers share: `budget_bytes`; 0: all that this process
+    /// may use.
+    #[must_use]
+    pub fn of_command(&self) -> memory::Memory {
+        match (self.budget_bytes, memory::available_bytes()) {
+            (0, None) => memory::Memory::unlimited(),
+            (0, Some(bytes)) | (bytes, _) => memory::Memory::new(bytes),
+        }
+    }
+
     /// A budget of `budget_bytes`; 0: half of what this process may use.
     #[must_use]
     pub fn budget(&self) -> memory::Memory {

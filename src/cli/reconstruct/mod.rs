@@ -12,6 +12,7 @@ use super::inputs::{Inputs, Selected};
 use super::progress::Progress;
 use super::{Exit, Failed, Settings, output};
 use crate::cloud::Format;
+use crate::dicom::series::ReadLimits;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::reconstruction::{self, Failure, Product};
 use destination::{Destination, Written};
@@ -61,7 +62,8 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
         }
     };
     let progress = Progress::new(parameters.profile);
-    let outcome = reconstruction::run(&selected, &parameters, &config.read_limits(), &progress);
+    let limits = ReadLimits { memory: config.memory.of_command(), ..config.read_limits() };
+    let outcome = reconstruction::run(&selected, &parameters, &limits, &progress);
     progress.finish();
     match outcome {
         Ok(mut product) => {

@@ -57,6 +57,7 @@ pub(super) fn find(
                 None => {}
             };
             for y in 0..ny {
+                space.ask();
                 let row = dense.row(z * ny + y);
                 let is_dense = |x: usize| row[x / WORD] >> (x % WORD) & 1 == 1;
                 steps(row, nx).for_each(|x| judge([z, y, x], 2, is_dense(x)));

@@ -74,7 +74,10 @@ impl Covered {
     pub(super) fn take(&self, space: &Space, crossings: &mut Vec<Crossing>) -> Vec<Doubtful> {
         let mut doubtful = Vec::new();
         if self.seen.iter().any(|seen| !seen.leaves.is_empty()) {
+            let mut item = 0;
             crossings.retain(|c| {
+                item += 1;
+                space.ask_at(item);
                 let fate = self.fate(c.place);
                 doubtful.extend(fate.map(|Fate { reason, measured, limit }| Doubtful {
                     place: c.place,
@@ -112,7 +115,9 @@ impl Seen {
         near_foreign: Option<&(impl Fn(Vec3) -> bool + Sync)>,
     ) -> Self {
         let mut surface = Surface::of(crossings, look.leaf_mm);
+        space.ask();
         let parts = surrounded(space, levels, &mut surface, look, canals);
+        space.ask();
         let mut fates: Vec<Option<Fate>> = vec![None; surface.len()];
         for part in &parts {
             part.nodes.iter().for_each(|&node| fates[node] = Some(Fate::covered(part)));

@@ -65,6 +65,7 @@ pub(super) fn measure(
             measured,
             limit,
         };
+        space.ask_at(i);
         let (tissue, air) = regions.levels(i);
         let contrast = f64::from(tissue - air);
         let step = space.mean_step(usize::from(c.axis));

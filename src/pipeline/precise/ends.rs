@@ -10,6 +10,7 @@ use super::levels::Levels;
 use super::space::Space;
 use crate::dicom::Volume;
 use crate::geometry::Grid;
+use crate::pipeline::Observer;
 
 /// A vertex is rounder than a ball of this radius, mm: a slice next to an empty one that shows more tissue
 /// than such a ball's cap between the two cuts the patient.
@@ -37,6 +38,7 @@ pub(super) fn held(space: &Space, levels: &Levels) -> Range<usize> {
 
 /// The one value of a slice that holds no other.
 fn value(space: &Space, slice: usize) -> Option<i16> {
+    space.ask();
     let mut voxels = voxels(space, slice);
     let first = voxels.next()?;
     voxels.all(|v| v == first).then_some(first)
@@ -61,8 +63,8 @@ pub(super) fn part<'a>(volume: &'a Volume, grid: &Grid, held: Range<usize>) -> P
 
 impl Part<'_> {
     /// `None` where it is too small to hold a surface.
-    pub(super) fn space(&self) -> Option<Space<'_>> {
-        Space::new(self.hu.as_slice()?, &self.grid)
+    pub(super) fn space<'a>(&'a self, observer: &'a dyn Observer) -> Option<Space<'a>> {
+        Some(Space::new(self.hu.as_slice()?, &self.grid)?.asking(observer))
     }
 }
 

@@ -29,7 +29,10 @@ impl Field {
         for axis in 0..3 {
             let Some(value) = fill_value(space, levels, axis) else { continue };
             let [rows, columns] = others(axis).map(|a| space.shape[a]);
-            let is_filled = |line: usize| voxels(space, axis, line).all(|v| v == value);
+            let is_filled = |line: usize| {
+                space.ask_at(line);
+                voxels(space, axis, line).all(|v| v == value)
+            };
             let mut filled: Vec<bool> = (0..rows * columns).into_par_iter().map(is_filled).collect();
             if levels.is_still_air(f32::from(value)) {
                 // Air itself can have the value all along a line, the patient's too: the circle alone tells.
@@ -132,6 +135,7 @@ impl Circle {
         let (mut rim, mut cut, mut anything, mut tissue) = (0usize, 0usize, 0usize, 0usize);
         for (r, c) in (1..rows - 1).flat_map(|r| (1..columns - 1).map(move |c| (r, c))) {
             let line = r * columns + c;
+            space.ask_at(line);
             let beside = [line - columns, line - 1, line + 1, line + columns];
             if self.is_beyond(line) || !beside.into_iter().any(|l| self.is_beyond(l)) {
                 continue;

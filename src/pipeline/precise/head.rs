@@ -78,6 +78,7 @@ impl Head {
         let brain: Vec<Vec<[usize; 3]>> = (0..nz.div_ceil(STRIDE))
             .into_par_iter()
             .map(|z| {
+                space.ask();
                 let layer = (0..ny.div_ceil(STRIDE)).flat_map(|y| {
                     (0..nx.div_ceil(STRIDE)).map(move |x| [x * STRIDE, y * STRIDE, z * STRIDE])
                 });
@@ -85,6 +86,7 @@ impl Head {
             })
             .collect();
         let of_layer = |z: usize| {
+            space.ask();
             let mut layer = Layer::default();
             for i in z * nx * ny..(z + 1) * nx * ny {
                 layer.visible |= seen[i];
@@ -136,6 +138,7 @@ impl Head {
         let Survey { cells, seen, .. } = &patient.survey;
         let step = [1, cells.shape[0], cells.shape[0] * cells.shape[1]];
         let of_cell = |i: usize| {
+            space.ask_at(i);
             let (cell, mut above, mut aside) = (cells.cell(i), 0_usize, 0_usize);
             for axis in 0..3 {
                 let below = (cell[axis] > 0).then(|| (i - step[axis], -cells.edge));

@@ -58,15 +58,22 @@ impl Patient {
         let [nz, ny, nx] = space.shape;
         let upper = levels.upper().ceil() as i16;
         let clear = Rows::of(nx, space.hu, |&v| v >= upper);
+        space.ask();
         let pieces = Pieces::of_rows([nx, ny, nz], &clear);
+        space.ask();
         let survey = Survey::of(space, field, Cells::over(crop::bounds(space, field, levels), EDGE_MM));
         let cells = survey.cells;
+        space.ask();
         let mut kinds = tissue(&survey, levels);
+        space.ask();
         let couch = couch::mark(&survey, &mut kinds);
+        space.ask();
         let mut core = core(&cells, &kinds)?;
+        space.ask();
         let own = own_pieces(space, &pieces, &cells, &core);
         let owner = |i: usize| owner(space, &pieces, &own, cells.centre(cells.cell(i)), cells.edge);
         let thick = || opened(&cells, |i| kinds[i] != Cell::Air);
+        space.ask();
         let lent = lent(&couch, owner, thick);
         if !lent.is_empty() {
             for &i in &lent {
@@ -74,11 +81,13 @@ impl Patient {
             }
             core = self::core(&cells, &kinds)?;
         }
+        space.ask();
         kinds.par_iter_mut().enumerate().for_each(|(i, kind)| {
             if *kind == Cell::Patient && !core[i] {
                 *kind = owner(i);
             }
         });
+        space.ask();
         let reach = cells.squared(BALL_MM + SKIN_MM);
         let near = within(cells.shape, reach, |i| core[i]);
         drop(core);
@@ -86,11 +95,16 @@ impl Patient {
         for i in lent.into_iter().filter(|&i| !near[i]) {
             kinds[i] = Cell::Other;
         }
+        space.ask();
         let field_border = FieldBorder::of(space, levels, field, &survey);
         let mut patient = Self { survey, kinds, near_foreign: Vec::new(), field_border, pieces, own };
+        space.ask();
         let open = Open::find(&patient);
+        space.ask();
         sheets::peel(space, levels, &patient.survey.cells, &mut patient.kinds, |i| open.is_open(i));
+        space.ask();
         parts::judge(&patient.survey.cells, &mut patient.kinds, &near, |i| open.is_open(i));
+        space.ask();
         patient.look_for_foreign();
         Some(patient)
     }

@@ -13,6 +13,7 @@ use crate::geometry::scale;
 /// edge, before the next layer begins, with what the air lends to it taken off.
 pub(super) fn refine_levels(space: &Space, width: &Width, regions: &Regions, candidates: &mut [Candidate]) {
     candidates.par_iter_mut().enumerate().for_each(|(i, c)| {
+        space.ask_at(i);
         let (_, air) = regions.levels(i);
         let sigma = width.seen_along(space, c.normal);
         // The tissue's share of what is seen at a depth is known; the rest is air.

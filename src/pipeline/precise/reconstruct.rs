@@ -20,6 +20,7 @@ use super::quality::QualityLimits;
 use super::regions::{MOST_AIR_OF_WIDE, Regions, most_air};
 use super::skin::{BorderPoint, NoSkin, Skin, SkinPoint};
 use super::space::{Space, along_coarsest};
+use super::stop::unless_stopped;
 use super::stretches::{StretchReason, rows};
 use super::width::Width;
 use super::{assess, ends, order, plateau};
@@ -40,17 +41,27 @@ pub fn reconstruct(
     limits: &QualityLimits,
     observer: &dyn Observer,
 ) -> Result<Skin, NoSkin> {
+    unless_stopped(|| of_held(volume, leaf_mm, limits, observer))
+}
+
+/// The skin in the slices that hold something.
+fn of_held(
+    volume: &Volume,
+    leaf_mm: f64,
+    limits: &QualityLimits,
+    observer: &dyn Observer,
+) -> Result<Skin, NoSkin> {
     let grid = along_coarsest(&volume.grid);
     let all = 0..grid.slice_origins().len();
     let whole = ends::part(volume, &grid, all.clone());
-    let space = whole.space().ok_or(NoSkin::NoVolume)?;
+    let space = whole.space(observer).ok_or(NoSkin::NoVolume)?;
     let levels = Levels::of(&space).ok_or(NoSkin::NoLevels)?;
     let held = ends::held(&space, &levels);
     if held == all {
         return skin(&space, &levels, leaf_mm, limits, observer);
     }
     let part = ends::part(volume, &grid, held.clone());
-    let space = part.space().ok_or(NoSkin::NoVolume)?;
+    let space = part.space(observer).ok_or(NoSkin::NoVolume)?;
     let levels = Levels::of(&space).ok_or(NoSkin::NoLevels)?;
     let mut skin = skin(&space, &levels, leaf_mm, limits, observer)?;
     skin.count_from(space.slice_axis(), held.start);
@@ -85,23 +96,32 @@ fn skin(
         return Err(NoSkin::NoBorder);
     }
     go_on(Stage::Crossings, 0.4)?;
+    space.ask();
     let rough = Regions::of(&candidates, levels, MOST_AIR_OF_WIDE);
+    space.ask();
     let width = Width::of(space, levels, &candidates, &rough);
+    space.ask();
     plateau::refine_levels(space, &width, &rough, &mut candidates);
+    space.ask();
     let regions = rough.again(&candidates, levels, most_air(&width));
+    space.ask();
     let (mut measured, unclear) = crossings::measure(space, levels, &width, &regions, &candidates);
     drop(candidates);
     doubtful.extend(unclear);
+    space.ask();
     let between = Between::of(space, &measured);
     if let Some(between) = &between {
         doubtful.extend(between.settle(space, &mut measured));
     }
+    space.ask();
     let mut filled = between.map(|between| between.fill(space, measured.clone()));
     let of_canals = doubtful.iter().filter(|d| d.reason == StretchReason::Canal);
     let canals: Vec<Vec3> = of_canals.map(|d| d.place).collect();
     let near_foreign = |place| patient.is_near_foreign(place);
     let all = filled.as_ref().unwrap_or(&measured);
+    space.ask();
     let covered = Covered::of(space, levels, all, &canals, near_foreign);
+    space.ask();
     doubtful.extend(covered.take(space, &mut measured));
     if let Some(filled) = &mut filled {
         filled.retain(|c| !covered.holds(c.place));
@@ -116,7 +136,9 @@ fn skin(
             rayon::join(
                 || (rows(space, &measured, &doubtful), border(space, &measured, &doubtful)),
                 || {
+                    space.ask();
                     let areas = Areas::of(space, &patient, &head, &measured, &doubtful);
+                    space.ask();
                     (areas, largest_step(space, all, head.middle))
                 },
             )
@@ -132,6 +154,7 @@ fn skin(
 /// The crossings as they lie in the slices.
 fn border(space: &Space, measured: &[Crossing], doubtful: &[Doubtful]) -> Vec<BorderPoint> {
     let point = |place: Vec3, axis: u8, reason| {
+        space.ask();
         let mut index = space.index(place);
         for (a, v) in index.iter_mut().enumerate().filter(|(a, _)| *a != usize::from(axis)) {
             debug_assert!((*v - v.round()).abs() < 1e-3, "a line follows one axis, not {a}");
@@ -163,17 +186,22 @@ impl Clouds {
     fn of(space: &Space, width: &Width, all: &[Crossing], leaf: f64) -> Self {
         let is_of = |c: &Crossing, plane: Option<Plane>| plane.is_none_or(|plane| c.planes.contains(plane));
         let rivals = Rivals::of(all);
-        let thinned = |plane: &Option<Plane>| rivals.thin(leaf, |c| is_of(c, *plane));
+        let thinned = |plane: &Option<Plane>| {
+            space.ask();
+            rivals.thin(leaf, |c| is_of(c, *plane))
+        };
         let thinned: Vec<Vec<Leaf>> = MERGED_AND_PLANES.par_iter().map(thinned).collect();
         // Most crossings that stand for a leaf do so in several clouds.
         let mut chosen: Vec<u32> = thinned.iter().flatten().map(|leaf| leaf.crossing).collect();
         chosen.par_sort_unstable();
         chosen.dedup();
+        space.ask();
         let neighbourhood = Neighbourhood::of(all);
         let confidence = Confidence::of(space, width);
         let stated: Vec<(Agreement, f64)> = chosen
             .par_iter()
             .map(|&i| {
+                space.ask();
                 let c = &all[i as usize];
                 let agreement = neighbourhood.agreement(i as usize);
                 (agreement, confidence.error(c, &agreement))
@@ -181,6 +209,7 @@ impl Clouds {
             .collect();
         let state = |leaf: &Leaf| &stated[chosen.partition_point(|&i| i < leaf.crossing)];
         let cloud = |(leaves, plane): (&Vec<Leaf>, &Option<Plane>)| -> Vec<SkinPoint> {
+            space.ask();
             let places: Vec<Vec3> = leaves.iter().map(|l| all[l.crossing as usize].place).collect();
             let point = |i: &u32| {
                 let leaf = &leaves[*i as usize];

@@ -1,7 +1,9 @@
 //! The volume as a continuous field: where an index is in the patient, and what the scan shows at
 //! a place.
 
+use super::stop::Asked;
 use crate::geometry::{Axis, Grid, Vec3, add, cross, dot, norm, normalised, scale, sub};
+use crate::pipeline::Observer;
 
 /// Read access to a volume by voxel, by fractional index and by place in LPS mm.
 ///
@@ -27,11 +29,16 @@ pub(super) struct Space<'a> {
     reciprocal: [Vec3; 2],
     /// Of a scan with even steps: what turns mm from the first voxel into `[z, y, x]`.
     even: Option<[Vec3; 3]>,
+    /// Whom every step asks as it goes over the scan.
+    asked: Asked<'a>,
 }
 
 /// Voxels so many times longer along one axis of the images than along both others come from slices along
 /// it: the series was reformatted.
 const REFORMATTED: f64 = 1.1;
+
+/// Items of a loop, of some microseconds each at most.
+const ITEMS_BETWEEN_ASKS: usize = 512;
 
 /// Slices no further than this from where even steps would put them count as even, mm.
 const EVEN_MM: f64 = 1e-6;
@@ -88,9 +95,31 @@ impl<'a> Space<'a> {
             slices_per_mm,
             reciprocal,
             even: None,
+            asked: Asked::default(),
         };
         space.even = space.even_steps();
         Some(space)
+    }
+
+    /// The same, with somebody to ask whether to stop.
+    pub(super) fn asking(mut self, observer: &'a dyn Observer) -> Self {
+        self.asked = Asked::of(observer);
+        self
+    }
+
+    /// Stops here if the observer says so.
+    #[inline]
+    pub(super) fn ask(&self) {
+        self.asked.ask();
+    }
+
+    /// The same once for so many items of a loop, by the number of the item: what an item costs is far
+    /// less than to ask.
+    #[inline]
+    pub(super) fn ask_at(&self, item: usize) {
+        if item.is_multiple_of(ITEMS_BETWEEN_ASKS) {
+            self.ask();
+        }
     }
 
     fn even_steps(&self) -> Option<[Vec3; 3]> {

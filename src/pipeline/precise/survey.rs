@@ -53,6 +53,7 @@ impl Survey {
         let values = hu.par_chunks_mut(nx).zip(seen.par_chunks_mut(nx));
         let rows = values.zip(below.par_chunks_mut(nx)).zip(aside.par_chunks_mut(nx));
         rows.enumerate().for_each(|(row, (((hu, seen), below), aside))| {
+            space.ask();
             let start = cells.centre([0, row % ny, row / ny]);
             let line = space.line(start, [cells.edge, 0.0, 0.0]);
             let row = hu.iter_mut().zip(seen).zip(below).zip(aside);
