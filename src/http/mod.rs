@@ -7,8 +7,10 @@
 
 mod auth;
 mod body;
+mod client;
 mod context;
 mod describe;
+mod door;
 mod extract;
 mod host;
 mod identity;

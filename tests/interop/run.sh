@@ -36,6 +36,7 @@ if [ ${#missing[@]} -gt 0 ]; then
 fi
 
 run "DICOM peers" "$here/peers.sh" "$triplanar" "$shared"
+run "a crowd" python3 "$here/crowd.py" "$triplanar"
 run "the API against its description" "$here/api.sh" "$triplanar"
 run "point-cloud tools" "$here/clouds.sh" "$triplanar"
 run "CloudCompare's registration" "$here/evaluate.sh" "$triplanar"
