@@ -8,9 +8,11 @@
 mod about;
 mod auth;
 mod body;
+mod client;
 mod content;
 mod context;
 mod describe;
+mod door;
 mod extract;
 mod host;
 mod identity;
