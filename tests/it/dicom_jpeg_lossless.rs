@@ -272,11 +272,11 @@ fn samples_beyond_the_bits_stored_are_refused() {
     }
 }
 
-/// `TRIPLANAR_MUTATIONS` mutated streams, 20 000 where it is not set: values or an error, no panic.
+/// `TRIPLANAR_MUTATIONS` mutated streams, 100 000 where it is not set: values or an error, no panic.
 #[test]
 fn mutated_streams_never_panic() {
     let count: u32 =
-        std::env::var("TRIPLANAR_MUTATIONS").map_or(20_000, |count| count.parse().expect("a count"));
+        std::env::var("TRIPLANAR_MUTATIONS").map_or(100_000, |count| count.parse().expect("a count"));
     let mut state = 1_u32;
     let mut random = move || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
