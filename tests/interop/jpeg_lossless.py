@@ -5,6 +5,10 @@ at least 90 % of every stratum.
 
     jpeg_lossless.py STORED_VALUES [COUNT]
 
+GDCM reads 8 bits and more: a stream of fewer is given to it as one of 8 bits whose point transform
+is as much larger, which is the same entropy-coded data. pylibjpeg is asked for what the data set says;
+it does not read point transforms.
+
 STORED_VALUES is the built example of that name. Needs numpy, pydicom, pylibjpeg, pylibjpeg-libjpeg,
 python-gdcm. The last line is "N passed, N failed".
 """
@@ -149,6 +153,15 @@ def by_gdcm(path):
     return np.frombuffer(buffer, kind[pixels.GetBitsAllocated(), pixels.GetPixelRepresentation()])
 
 
+def of_8_bits(stream, precision, point_transform):
+    """The same differences and predictions, of samples that are shifted to 8 bits."""
+    frame, scan = stream.index(b"\xff\xc3\0\x0b"), stream.index(b"\xff\xda\0\x08")
+    shifted = bytearray(stream)
+    shifted[frame + 4] = 8
+    shifted[scan + 9] = point_transform + 8 - precision
+    return bytes(shifted)
+
+
 def confirms(decoder, path, values):
     """In a process of its own, which some decoders abort."""
     child = os.fork()
@@ -183,7 +196,15 @@ def main():
             path = folder / f"{number:05}.dcm"
             stream = encode(image, selection, precision, point_transform, restart_rows)
             write(path, stream, image.shape, precision, signed, syntax)
-            by = [confirms(decoder, path, values) for decoder in (by_pylibjpeg, by_gdcm)]
+            by = [confirms(by_pylibjpeg, path, values)]
+            if precision >= 8:
+                by.append(confirms(by_gdcm, path, values))
+            else:
+                other = folder / "of_8_bits"
+                shifted = of_8_bits(stream, precision, point_transform)
+                write(other, shifted, image.shape, 8, False, ANY_SELECTION)
+                by.append(confirms(by_gdcm, other, image >> point_transform << point_transform + 8 - precision))
+                other.unlink()
             kinds = (
                 f"precision {precision}",
                 f"selection {selection}",
