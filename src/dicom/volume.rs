@@ -17,6 +17,9 @@ pub struct Volume {
     /// The instance of each acquired slice, along [`Grid::slice_axis`] (the same UID again and
     /// again for the frames of a multi-frame instance).
     pub sop_instance_uids: Vec<SopInstanceUid>,
+    /// Indices along [`Grid::slice_axis`] of the acquired slices that don't go with their neighbours, as
+    /// those of damaged data do; the warning `inconsistent_levels` tells what was found.
+    pub doubtful_slices: Vec<usize>,
     /// Identity of what was read.
     pub identity: SeriesIdentity,
 }

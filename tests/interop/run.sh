@@ -42,6 +42,7 @@ run "the API against its description" "$here/api.sh" "$triplanar"
 run "point-cloud tools" "$here/clouds.sh" "$triplanar"
 run "CloudCompare's registration" "$here/evaluate.sh" "$triplanar"
 run "the description's rules and a generated client" "$here/openapi.sh" "$triplanar"
+run "damaged series" "$here/damage.sh" "$triplanar" "$shared" 6
 run "score against the known skin" "$here/score.sh" "$triplanar" "$shared"
 
 printf '\n%d passed, %d failed\n' "$passed" "$failed"

@@ -8,6 +8,7 @@ mod cli_reconstruct;
 mod cli_render;
 mod cli_token;
 mod cloud_ply;
+mod dicom_damage;
 mod dicom_decode;
 mod dicom_jpeg_lossless;
 mod dicom_odd_encodings;

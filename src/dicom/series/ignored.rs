@@ -79,7 +79,7 @@ pub(super) fn warn(ignored: &[Ignored], warnings: &mut Vec<Warning>) {
     instances.sort();
     let detail =
         format!("{} instances are no slices and were left out: {}", instances.len(), counted(ignored));
-    warnings.push(Warning { code: WarningCode::IgnoredInstances, detail, instances });
+    warnings.push(Warning { code: WarningCode::IgnoredInstances, detail, instances, rows: Vec::new() });
 }
 
 /// How many for each reason, as `2 localizer, 1 no_pixel_data`.

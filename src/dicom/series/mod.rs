@@ -1,6 +1,7 @@
 //! Series → [`Volume`]: sorting, geometry, Hounsfield units.
 
 mod check;
+mod coherence;
 mod duplicates;
 mod error;
 mod frame;
@@ -31,7 +32,7 @@ use slice::Slice;
 
 pub use error::SeriesError;
 pub use unfit::{unfit, unfit_detail};
-pub use warning::{IgnoredInstance, Warning, WarningCode};
+pub use warning::{DoubtfulRows, IgnoredInstance, RowsDoubt, Warning, WarningCode};
 
 /// The code of a series that finds no memory because others use it.
 pub const OUT_OF_MEMORY: &str = "out_of_memory_budget";
@@ -122,12 +123,13 @@ pub fn read_admitted(
     }
     let (rows, columns) = slices[0].matrix.map_or((0, 0), |(r, c)| (usize::from(r), usize::from(c)));
     admit(slices.len() as u64 * rows as u64 * columns as u64).map_err(|none| no_memory(none, Vec::new()))?;
-    let hu = voxels::read(source, &slices, orientation, limits, observer, &mut warnings)?;
+    let (hu, findings) = voxels::read(source, &slices, orientation, limits, observer, &mut warnings)?;
+    let doubtful_slices = coherence::tell(&findings, &slices, &mut warnings)?;
     let grid = orient::grid(&slices, orientation, rows, columns).ok_or_else(|| too_few(&slices, limits))?;
     let identity = identity(&instances, &slices)?;
     warnings.sort_by_key(|warning| warning.code);
     let sop_instance_uids = slices.into_iter().map(|slice| slice.sop_instance_uid).collect();
-    Ok((Volume { hu, grid, sop_instance_uids, identity }, warnings))
+    Ok((Volume { hu, grid, sop_instance_uids, doubtful_slices, identity }, warnings))
 }
 
 /// The attributes of all instances, in the order of the source.

@@ -8,7 +8,8 @@ use ndarray::Array3;
 use rayon::prelude::*;
 
 use super::check::rescale_of;
-use super::frame::Rescale;
+use super::coherence::{self, Finding, Stack};
+use super::frame::{Geometry, Rescale};
 use super::orient::Orientation;
 use super::slice::Slice;
 use super::{ReadLimits, SeriesError, Warning, WarningCode};
@@ -40,7 +41,8 @@ struct Counts {
     done: AtomicUsize,
 }
 
-/// The voxels `[[z, y, x]]` of slices that are sorted along the volume's axis.
+/// The voxels `[[z, y, x]]` of slices that are sorted along the volume's axis, and which of the slices
+/// don't go with their neighbours.
 pub(super) fn read(
     source: &dyn InstanceSource,
     slices: &[Slice],
@@ -48,7 +50,7 @@ pub(super) fn read(
     limits: &ReadLimits,
     observer: &dyn Observer,
     warnings: &mut Vec<Warning>,
-) -> Result<Array3<i16>, SeriesError> {
+) -> Result<(Array3<i16>, Vec<Finding>), SeriesError> {
     let (rows, columns) = slices.first().and_then(|slice| slice.matrix).unwrap_or((0, 0));
     let (rows, columns) = (usize::from(rows), usize::from(columns));
     let layout = Layout::new(orientation, rows, columns);
@@ -91,7 +93,11 @@ pub(super) fn read(
             warnings.push(Warning::new(code, format!("{count} {what}")));
         }
     }
-    Ok(layout.volume(voxels, slices.len()))
+    if observer.cancelled() {
+        return Err(super::cancelled());
+    }
+    let findings = coherence::findings(&layout.stack(&voxels, slices));
+    Ok((layout.volume(voxels, slices.len()), findings))
 }
 
 /// Decodes the frames of one instance.
@@ -225,6 +231,25 @@ impl Layout {
         counts.clipped.fetch_add(clipped, Ordering::Relaxed);
         counts.padding.fetch_add(padding, Ordering::Relaxed);
         counts.tissue.fetch_add(tissue, Ordering::Relaxed);
+    }
+
+    /// The slices as they were acquired, one after another in `voxels`.
+    fn stack<'a>(&self, voxels: &'a [i16], slices: &[Slice]) -> Stack<'a> {
+        let normal = slices.first().map_or([0.0; 3], |slice| slice.geometry().normal());
+        let places: Vec<f64> = slices.iter().map(|slice| slice.along(normal)).collect();
+        let step_mm = places.windows(2).map(|two| (two[1] - two[0]).abs()).fold(0.0, f64::max);
+        let px = |spacing: fn(Geometry) -> f64| {
+            slices.first().map_or(1.0, |slice| step_mm / spacing(slice.geometry()))
+        };
+        Stack {
+            voxels,
+            count: slices.len(),
+            rows: self.rows,
+            columns: self.columns,
+            by_rows: self.rows_are_slower,
+            rows_flipped: self.orientation.rows.flipped,
+            step_px: [px(|geometry| geometry.row_spacing), px(|geometry| geometry.column_spacing)],
+        }
     }
 
     /// The whole array in the order of the volume, `count` slices one after another in `voxels`.

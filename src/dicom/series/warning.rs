@@ -6,7 +6,7 @@ use crate::dicom::uid::SopInstanceUid;
 use crate::store::UnfitReason;
 
 /// Something unusual that was handled; stands in the report.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Warning {
     /// Which.
     pub code: WarningCode,
@@ -15,13 +15,60 @@ pub struct Warning {
     /// The instances that were left out (`ignored_instances` alone), in the order of their UIDs.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub instances: Vec<IgnoredInstance>,
+    /// The rows of slices that don't go with their neighbours (`inconsistent_levels` alone), in the order
+    /// of the slices.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rows: Vec<DoubtfulRows>,
 }
 
 impl Warning {
     /// One that names no instances.
     pub(super) fn new(code: WarningCode, detail: impl Into<String>) -> Self {
-        Self { code, detail: detail.into(), instances: Vec::new() }
+        Self { code, detail: detail.into(), instances: Vec::new(), rows: Vec::new() }
     }
+}
+
+/// Rows of a slice that don't go with the slices before and after.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct DoubtfulRows {
+    /// The instance.
+    pub sop_instance_uid: SopInstanceUid,
+    /// The frame within it, counted from 1.
+    pub frame: usize,
+    /// The first of the rows, counted from 1.
+    pub first_row: usize,
+    /// The last of them.
+    pub last_row: usize,
+    /// What is doubtful about them.
+    pub doubt: RowsDoubt,
+    /// What was measured, in the unit that `doubt` tells.
+    pub measured: f64,
+    /// The most that the other slices of the series allow, in the same unit.
+    pub limit: f64,
+}
+
+/// What does not go with the slices before and after.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RowsDoubt {
+    /// Air and tissue lie elsewhere: measured in ordinary changes from slice to slice.
+    Place,
+    /// Two slices are more alike with their neighbours if exchanged: gain, 0 to 1.
+    Order,
+    /// Something begins or ends with a row: columns that change at once.
+    Jump,
+    /// Values that are nowhere near in the neighbours: pixels.
+    Patch,
+    /// Values a little beyond those that are near in the neighbours, in many places: pixels.
+    Texture,
+    /// Air lies at another level: HU.
+    Air,
+    /// Soft tissue lies at another level: HU.
+    Tissue,
+    /// Rows of one value: rows.
+    Constant,
+    /// The same pixels as another slice: pixels.
+    Repeated,
 }
 
 /// An instance of the series that is no slice of it.
@@ -86,4 +133,6 @@ codes! {
     TrailingZeros = "trailing_zeros",
     /// Pixels had bits set beside their value, which were masked.
     UnusedBits = "unused_bits",
+    /// Slices, or rows of them, don't go with the slices before and after, as those of damaged data do.
+    InconsistentLevels = "inconsistent_levels",
 }

@@ -22,7 +22,7 @@ const INTERCEPT: i16 = -1024;
 pub(super) fn volume(options: &Options, grid: Grid, hu: Array3<i16>) -> Volume {
     let slices = grid.slice_origins().len();
     let sop_instance_uids = (0..slices).map(|index| uids::single_frame(options, index)).collect();
-    Volume { hu, grid, sop_instance_uids, identity: uids::identity(options) }
+    Volume { hu, grid, sop_instance_uids, doubtful_slices: Vec::new(), identity: uids::identity(options) }
 }
 
 /// Indices along the axis of acquisition, in the order of instance numbers: index 0 is superior,

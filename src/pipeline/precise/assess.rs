@@ -136,6 +136,7 @@ pub(super) fn quality(
         cut_below_cm2: head.cut_below_cm2,
         cut_at_side_cm2: head.cut_at_side_cm2,
         metal_cm3: head.metal_cm3,
+        doubtful_slices: 0,
     }
 }
 

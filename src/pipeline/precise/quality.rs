@@ -41,6 +41,9 @@ pub enum Doubt {
     Coverage,
     /// The planes disagree about the skin.
     Disagreement,
+    /// Slices don't go with their neighbours, as those of damaged data do: the warning
+    /// `inconsistent_levels` names them.
+    InconsistentLevels,
 }
 
 /// The limits of the verdict.
@@ -132,6 +135,9 @@ pub struct Quality {
     pub cut_at_side_cm2: f64,
     /// Metal, cm³.
     pub metal_cm3: f64,
+    /// Slices that don't go with their neighbours, as those of damaged data do.
+    #[serde(default)]
+    pub doubtful_slices: usize,
 }
 
 /// Skin of the head that is in view but not in the cloud.
@@ -174,6 +180,7 @@ impl Quality {
             (Doubt::Motion, self.motion_mm > limits.motion_mm),
             (Doubt::Coverage, self.coverage < limits.coverage),
             (Doubt::Disagreement, self.agreement_p95_mm > limits.disagreement_mm),
+            (Doubt::InconsistentLevels, self.doubtful_slices > 0),
         ];
         self.doubts = held.into_iter().filter(|h| h.1).map(|h| h.0).collect();
         let unfit =

@@ -16,7 +16,7 @@ use super::levels::Levels;
 use super::motion::largest_step;
 use super::outside::Outside;
 use super::patient::Patient;
-use super::quality::QualityLimits;
+use super::quality::{Quality, QualityLimits};
 use super::regions::{MOST_AIR_OF_WIDE, Regions, most_air};
 use super::skin::{BorderPoint, NoSkin, Skin, SkinPoint};
 use super::space::{Space, along_coarsest};
@@ -57,23 +57,26 @@ fn of_held(
     let space = whole.space(observer).ok_or(NoSkin::NoVolume)?;
     let levels = Levels::of(&space).ok_or(NoSkin::NoLevels)?;
     let held = ends::held(&space, &levels);
+    let doubtful = volume.doubtful_slices.len();
     if held == all {
-        return skin(&space, &levels, leaf_mm, limits, observer);
+        return skin(&space, &levels, leaf_mm, limits, doubtful, observer);
     }
     let part = ends::part(volume, &grid, held.clone());
     let space = part.space(observer).ok_or(NoSkin::NoVolume)?;
     let levels = Levels::of(&space).ok_or(NoSkin::NoLevels)?;
-    let mut skin = skin(&space, &levels, leaf_mm, limits, observer)?;
+    let mut skin = skin(&space, &levels, leaf_mm, limits, doubtful, observer)?;
     skin.count_from(space.slice_axis(), held.start);
     Ok(skin)
 }
 
-/// The skin of the head in a scan that holds something from end to end.
+/// The skin of the head in a scan that holds something from end to end, of which so many slices are
+/// doubtful.
 fn skin(
     space: &Space,
     levels: &Levels,
     leaf_mm: f64,
     limits: &QualityLimits,
+    doubtful_slices: usize,
     observer: &dyn Observer,
 ) -> Result<Skin, NoSkin> {
     let go_on = |stage, fraction| {
@@ -145,7 +148,7 @@ fn skin(
         },
     );
     let quality = assess::quality(space, levels, &width, &head, &areas, motion_mm, &clouds.agreements);
-    let quality = quality.judge(limits);
+    let quality = Quality { doubtful_slices, ..quality }.judge(limits);
     go_on(Stage::Downsampling, 1.0)?;
     let Clouds { points, uniplanar, measured, .. } = clouds;
     Ok(Skin { points, uniplanar, quality, slices, border, measured })

@@ -27,6 +27,8 @@ stored! {
         cut_below_cm2: f64,
         cut_at_side_cm2: f64,
         metal_cm3: f64,
+        #[serde(default)]
+        doubtful_slices: usize,
     }
 }
 

@@ -7,7 +7,7 @@ use super::parameters::ParametersV1;
 use super::quality::QualityV1;
 use super::value::Name;
 use super::{Schema, Unreadable, of_0_1, stored};
-use crate::dicom::series::{IgnoredInstance, Warning, WarningCode};
+use crate::dicom::series::{DoubtfulRows, IgnoredInstance, RowsDoubt, Warning, WarningCode};
 use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
 use crate::geometry::Plane;
 use crate::pipeline::precise::{Stretch, StretchReason};
@@ -76,6 +76,20 @@ stored! {
         detail: String,
         #[serde(default)]
         instances: Vec<IgnoredV1>,
+        #[serde(default)]
+        rows: Vec<DoubtfulV1>,
+    }
+}
+
+stored! {
+    DoubtfulV1 is DoubtfulRows {
+        sop_instance_uid: Name<SopInstanceUid>,
+        frame: usize,
+        first_row: usize,
+        last_row: usize,
+        doubt: Name<RowsDoubt>,
+        measured: f64,
+        limit: f64,
     }
 }
 

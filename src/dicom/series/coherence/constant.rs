@@ -1,0 +1,102 @@
+//! Rows of one value at the ends of a slice, and slices that are there twice.
+
+use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use super::limit::usual;
+use super::{AROUND, BETWEEN, Finding, Kind, SEEN, Stack, Summary, around};
+
+/// Share of the rows that may be constant in one slice alone, beyond twice what is usual.
+const SHARE: f64 = 1.0 / 64.0;
+/// Rows that may at least.
+const LEAST: f64 = 4.0;
+
+/// One in so many pixels is soft tissue in a slice whose noise is looked at.
+const LEAST_SOFT: usize = 50;
+
+/// Rows of one value at the beginning and at the end of a slice, and what all its pixels are.
+pub(super) struct Ends {
+    rows: [usize; 2],
+    /// Whether the whole slice has one value.
+    pub(super) all: bool,
+    hash: u64,
+    /// Whether most pixels of soft tissue differ from the one beside them.
+    noisy: bool,
+}
+
+impl Ends {
+    pub(super) fn of(slice: &[i16], columns: usize) -> Self {
+        let is_constant = |row: &&[i16]| row.iter().all(|v| *v == row[0]);
+        let rows = || slice.chunks_exact(columns);
+        let begin = rows().take_while(is_constant).count();
+        let end = rows().rev().take_while(is_constant).count();
+        let soft = |v: i16| v > BETWEEN && v < SEEN.1;
+        let pairs = || slice.windows(2).filter(|two| soft(two[0]) && soft(two[1]));
+        let (soft, differ) = pairs().fold((0, 0), |(n, d), two| (n + 1, d + usize::from(two[0] != two[1])));
+        let noisy = soft > slice.len() / LEAST_SOFT && 2 * differ > soft;
+        let mut hasher = DefaultHasher::new();
+        slice.hash(&mut hasher);
+        Self { rows: [begin, end], all: begin * columns >= slice.len(), hash: hasher.finish(), noisy }
+    }
+}
+
+pub(super) fn find(stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
+    let mut found = repeated(stack, summaries);
+    for end in [0, 1] {
+        for distances in AROUND {
+            let beyond = |z: usize| {
+                let (a, b) = around(z, distances, stack.count)?;
+                let [own, a, b] = [z, a, b].map(|z| summaries[z].ends.rows[end]);
+                (!summaries[z].ends.all).then(|| own.saturating_sub(a.max(b)))
+            };
+            let beyond: Vec<Option<usize>> = (0..stack.count).map(beyond).collect();
+            let apart = distances.0.max(distances.1) as f64;
+            let limit = apart * LEAST.max(SHARE * stack.rows as f64)
+                + 2.0 * usual(beyond.iter().flatten().map(|rows| *rows as f64));
+            for (slice, rows) in beyond.iter().enumerate() {
+                let Some(rows) = rows.filter(|rows| *rows as f64 > limit) else { continue };
+                if found.iter().any(|f: &Finding| f.slice == slice && f.kind == Kind::Constant) {
+                    continue;
+                }
+                let own = summaries[slice].ends.rows[end];
+                let place = if end == 0 { 0..own } else { stack.rows - own..stack.rows };
+                let measured = rows as f64;
+                found.push(Finding {
+                    slice,
+                    kind: Kind::Constant,
+                    rows: place,
+                    measured,
+                    limit,
+                    severe: false,
+                });
+            }
+        }
+    }
+    found
+}
+
+/// Slices with the same pixels as another one. Those that show one thing alone (only air) may be.
+fn repeated(stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
+    let shows = |s: &Summary| s.jumps.iter().any(|&count| count > 0);
+    let mut by_hash: HashMap<u64, Vec<usize>> = HashMap::new();
+    for (z, summary) in summaries.iter().enumerate().filter(|(_, s)| !s.ends.all && shows(s)) {
+        by_hash.entry(summary.ends.hash).or_default().push(z);
+    }
+    let alike = |all: &&Vec<usize>| {
+        let (first, last) = (all[0], all[all.len() - 1]);
+        // Slices side by side may show the same, where there is no noise.
+        let may_be = last - first < all.len() && !summaries[first].ends.noisy;
+        all.len() > 1 && !may_be && all.iter().all(|&z| stack.slice(z) == stack.slice(first))
+    };
+    let mut slices: Vec<usize> = by_hash.values().filter(alike).flatten().copied().collect();
+    slices.sort_unstable();
+    let finding = |slice| Finding {
+        slice,
+        kind: Kind::Repeated,
+        rows: 0..stack.rows,
+        measured: stack.pixels(),
+        limit: 0.0,
+        severe: false,
+    };
+    slices.into_iter().map(finding).collect()
+}

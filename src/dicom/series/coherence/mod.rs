@@ -1,0 +1,143 @@
+//! Slices, or rows of them, that don't go with their neighbours: what damaged or half-decoded data
+//! look like after a decoder that noticed nothing.
+//!
+//! A slice lies between the one before and the one after it, in what it shows and in its levels. Each
+//! measure here is how far it does not; each is held against what the other slices of the same series
+//! show, so that thick slices, noise, tilt and coarse pixels set their own limits:
+//!
+//! | measure | file | finds |
+//! |---|---|---|
+//! | pixels that change between air and tissue and back | [`place`] | a slice of another place, parts lost |
+//! | row boundaries across which much changes | [`jumps`] | all that begins or ends with a row |
+//! | patches of values that the neighbours have nowhere near | [`patches`] | noise, broken code blocks |
+//! | level of air and of soft tissue in a band of rows | [`levels`] | offsets |
+//! | rows of one value at the ends, pixels there twice | [`constant`] | cut off, filled up, sent twice |
+//!
+//! Two or three damaged slices side by side are compared with those around them. The voxels are only
+//! looked at.
+
+mod constant;
+mod jumps;
+mod levels;
+mod limit;
+mod patches;
+mod place;
+mod stack;
+mod tell;
+#[cfg(test)]
+mod tests;
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+pub(super) use stack::Stack;
+pub(super) use tell::tell;
+
+/// Fewer slices tell too little of what is usual among them.
+const LEAST_SLICES: usize = 8;
+/// Smaller matrices hold too few pixels.
+const LEAST_SIDE: usize = 48;
+/// Between the levels of air (-1000 HU) and of soft tissue (about 40 HU), HU.
+const BETWEEN: i16 = -400;
+/// Values are clamped to these before they are compared, HU: from air to soft tissue. Bone that
+/// begins within a slice is no damage.
+const SEEN: (i16, i16) = (-1000, 200);
+/// A change of more than this, HU, a third of the step from air to tissue, and more than 4 standard
+/// deviations of the difference of two pixels with 70 HU of noise.
+const MUCH: i16 = 400;
+/// Distances to the neighbours before and after: the next ones, and those around two and three slices.
+const AROUND: [(usize, usize); 6] = [(1, 1), (1, 2), (2, 1), (1, 3), (2, 2), (3, 1)];
+
+/// What does not go with the neighbours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Kind {
+    /// Air and tissue lie elsewhere than in the slices before and after.
+    Place,
+    /// Two slices fit better if exchanged.
+    Order,
+    /// Something begins or ends with a row.
+    Jump,
+    /// A patch of values that are nowhere near in the neighbours.
+    Patch,
+    /// Values a little beyond those near in the neighbours, in many places.
+    Texture,
+    /// Air at another level.
+    Air,
+    /// Soft tissue at another level.
+    Tissue,
+    /// Rows of one value.
+    Constant,
+    /// The same pixels as another slice.
+    Repeated,
+}
+
+/// One slice and what was found in it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Finding {
+    /// Index in the stack.
+    pub(super) slice: usize,
+    pub(super) kind: Kind,
+    /// Rows of the image that it was found in, counted from 0.
+    pub(super) rows: Range<usize>,
+    /// Share of the ordinary change (`Place`, `Order`), columns (`Jump`), pixels (`Patch`, `Texture`), HU (`Air`,
+    /// `Tissue`), rows (`Constant`), pixels (`Repeated`).
+    pub(super) measured: f64,
+    /// The most that the series itself allows, in the same unit.
+    pub(super) limit: f64,
+    /// Whether no scan of a patient comes near it.
+    pub(super) severe: bool,
+}
+
+/// What one slice tells alone.
+struct Summary {
+    tissue: Vec<u64>,
+    jumps: Vec<u32>,
+    blocks: patches::Blocks,
+    ends: constant::Ends,
+}
+
+/// Everything in the stack that does not go with its neighbours, by slice and kind.
+pub(super) fn findings(stack: &Stack<'_>) -> Vec<Finding> {
+    if stack.count < LEAST_SLICES || stack.rows < LEAST_SIDE || stack.columns < LEAST_SIDE {
+        return Vec::new();
+    }
+    let summaries: Vec<Summary> = (0..stack.count)
+        .into_par_iter()
+        .map(|z| {
+            let slice = stack.slice(z);
+            Summary {
+                tissue: place::tissue(&slice, stack.columns),
+                jumps: jumps::of(&slice, stack.columns),
+                blocks: patches::Blocks::of(&slice, stack),
+                ends: constant::Ends::of(&slice, stack.columns),
+            }
+        })
+        .collect();
+    // Slices that hold nothing were added at the ends.
+    let holds = |summary: &Summary| !summary.ends.all;
+    let (Some(first), Some(last)) = (summaries.iter().position(holds), summaries.iter().rposition(holds))
+    else {
+        return Vec::new();
+    };
+    let (stack, summaries) = (&stack.part(first..last + 1), &summaries[first..=last]);
+    if stack.count < LEAST_SLICES {
+        return Vec::new();
+    }
+    let mut found = place::find(stack, summaries);
+    found.extend(jumps::find(stack, summaries));
+    found.extend(patches::find(stack, summaries));
+    found.extend(levels::find(stack));
+    found.extend(constant::find(stack, summaries));
+    for finding in &mut found {
+        finding.rows = stack.image_rows(&finding.rows);
+        finding.slice += first;
+    }
+    found.sort_by_key(|finding| (finding.slice, finding.kind));
+    found
+}
+
+/// The slices `before` and `after` slice `z`, where both are in the stack.
+fn around(z: usize, (before, after): (usize, usize), count: usize) -> Option<(usize, usize)> {
+    Some((z.checked_sub(before)?, z + after)).filter(|(_, last)| *last < count)
+}

@@ -1,0 +1,165 @@
+use std::ops::Range;
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use super::{Finding, Kind, Stack, findings};
+
+const SIDE: usize = 128;
+const COUNT: usize = 40;
+
+/// A head: an egg of soft tissue with a skull in it, on a holder that begins suddenly, in noise.
+fn head(slice_mm: f64, count: usize, noise: i16) -> Vec<i16> {
+    let mut random = Pcg64Mcg::seed_from_u64(1);
+    let mut voxels = Vec::with_capacity(count * SIDE * SIDE);
+    for z in 0..count {
+        let height = (z as f64 - count as f64 / 2.0) * slice_mm / 100.0;
+        for r in 0..SIDE {
+            for c in 0..SIDE {
+                let (y, x) = ((r as f64 - 60.0) * 2.0 / 95.0, (c as f64 - 64.0 + 4.0 * height) * 2.0 / 75.0);
+                let radius = (x * x + y * y + height * height).sqrt();
+                let in_holder = z >= count / 3 && (112..116).contains(&r) && (40..90).contains(&c);
+                let hu = match radius {
+                    _ if in_holder => 60,
+                    _ if (0.82..0.9).contains(&radius) => 1100,
+                    _ if radius < 1.0 => 40,
+                    _ => -1000,
+                };
+                voxels.push(hu + random.random_range(-noise..=noise));
+            }
+        }
+    }
+    voxels
+}
+
+fn found(voxels: &[i16], slice_mm: f64) -> Vec<Finding> {
+    let step_px = [slice_mm / 2.0; 2];
+    let count = voxels.len() / (SIDE * SIDE);
+    let stack =
+        Stack { voxels, count, rows: SIDE, columns: SIDE, by_rows: true, rows_flipped: false, step_px };
+    findings(&stack)
+}
+
+fn slices(found: &[Finding]) -> Vec<usize> {
+    let mut slices: Vec<usize> = found.iter().map(|finding| finding.slice).collect();
+    slices.dedup();
+    slices
+}
+
+fn rows(z: usize, rows: Range<usize>) -> Range<usize> {
+    (z * SIDE + rows.start) * SIDE..(z * SIDE + rows.end) * SIDE
+}
+
+fn exchange(voxels: &mut [i16], a: usize, b: usize) {
+    for i in 0..SIDE * SIDE {
+        voxels.swap(a * SIDE * SIDE + i, b * SIDE * SIDE + i);
+    }
+}
+
+/// The head, 3 mm slices, harmed.
+fn harmed(harm: impl FnOnce(&mut Vec<i16>)) -> Vec<Finding> {
+    let mut voxels = head(3.0, COUNT, 20);
+    harm(&mut voxels);
+    found(&voxels, 3.0)
+}
+
+#[test]
+fn an_unharmed_head_is_not_doubted() {
+    for (slice_mm, count, noise) in [(3.0, 40, 20), (1.0, 60, 0), (5.0, 40, 5), (8.0, 26, 60), (2.0, 40, 200)]
+    {
+        let found = found(&head(slice_mm, count, noise), slice_mm);
+        assert_eq!(found, [], "slices of {slice_mm} mm, noise of {noise} HU");
+    }
+    // The vertex and empty slices above it.
+    let mut voxels = head(3.0, 80, 20);
+    voxels[..5 * SIDE * SIDE].fill(-1024);
+    assert_eq!(found(&voxels, 3.0), []);
+}
+
+#[test]
+fn rows_that_are_lost_are_found_where_they_begin() {
+    for (fill, from) in [(0, 50), (-1024, 70), (3071, 20), (-1024, 118)] {
+        let found = harmed(|voxels| voxels[rows(17, from..SIDE)].fill(fill));
+        assert_eq!(slices(&found), [17], "{fill} HU from row {from} on: {found:?}");
+        assert!(found.iter().any(|f| f.rows.start == from || f.kind == Kind::Place), "{found:?}");
+    }
+    // One row alone, and at both ends of the scan.
+    for (z, from) in [(17, 60), (0, 60), (COUNT - 1, 60)] {
+        let found = harmed(|voxels| voxels[rows(z, from..from + 1)].fill(-1024));
+        assert_eq!(slices(&found), [z], "{found:?}");
+    }
+}
+
+#[test]
+fn neighbours_that_are_damaged_alike_are_found() {
+    for last in [18, 19] {
+        let found = harmed(|voxels| (17..=last).for_each(|z| voxels[rows(z, 55..SIDE)].fill(0)));
+        assert_eq!(slices(&found), (17..=last).collect::<Vec<_>>(), "{found:?}");
+    }
+}
+
+#[test]
+fn an_offset_from_a_row_on_is_a_level() {
+    for offset in [-400, 250, 700] {
+        let found = harmed(|voxels| voxels[rows(12, 64..SIDE)].iter_mut().for_each(|v| *v += offset));
+        assert_eq!(slices(&found), [12], "{found:?}");
+        let air = found.iter().find(|f| f.kind == Kind::Air).expect("air is at another level");
+        assert!((air.measured - f64::from(offset).abs()).abs() < 30.0, "{air:?}");
+        assert_eq!(air.rows, 64..SIDE);
+    }
+}
+
+#[test]
+fn noise_from_a_row_on_and_a_patch_of_it_are_found() {
+    let mut random = Pcg64Mcg::seed_from_u64(2);
+    let found = harmed(|voxels| {
+        voxels[rows(9, 90..SIDE)].iter_mut().for_each(|v| *v = random.random_range(-1024..3071));
+    });
+    assert_eq!(slices(&found), [9], "{found:?}");
+    let found = harmed(|voxels| {
+        for r in 20..36 {
+            voxels[rows(22, r..r + 1)][6..22].fill(150);
+        }
+    });
+    assert_eq!(slices(&found), [22], "{found:?}");
+    assert!(found.iter().any(|f| f.kind == Kind::Patch && f.rows == (20..36)), "{found:?}");
+}
+
+#[test]
+fn slices_of_another_place_are_found() {
+    let found = harmed(|voxels| exchange(voxels, 8, 20));
+    let severe: Vec<Finding> = found.iter().filter(|finding| finding.severe).cloned().collect();
+    assert_eq!(slices(&severe), [8, 20], "{found:?}");
+    let found = harmed(|voxels| exchange(voxels, 8, 9));
+    assert!(slices(&found).starts_with(&[8, 9]), "{found:?}");
+    let found = harmed(|voxels| voxels.copy_within(rows(8, 0..SIDE), 30 * SIDE * SIDE));
+    assert!(slices(&found).contains(&30), "{found:?}");
+    assert!(found.iter().any(|f| f.kind == Kind::Repeated && f.slice == 8), "{found:?}");
+    let found = harmed(|voxels| voxels.copy_within(rows(8, 0..SIDE), 9 * SIDE * SIDE));
+    assert!(found.iter().any(|f| f.kind == Kind::Repeated && f.slice == 9), "{found:?}");
+}
+
+#[test]
+fn rows_are_those_of_the_image_however_it_lies_in_memory() {
+    let mut voxels = head(3.0, COUNT, 20);
+    voxels[rows(17, 50..SIDE)].fill(0);
+    let mut by_columns = vec![0; voxels.len()];
+    for (i, &v) in voxels.iter().enumerate() {
+        let (z, r, c) = (i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE);
+        by_columns[(z * SIDE + c) * SIDE + r] = v;
+    }
+    let stack = Stack {
+        voxels: &by_columns,
+        count: COUNT,
+        rows: SIDE,
+        columns: SIDE,
+        by_rows: false,
+        rows_flipped: true,
+        step_px: [1.5; 2],
+    };
+    let mut flipped = findings(&stack);
+    for finding in &mut flipped {
+        finding.rows = SIDE - finding.rows.end..SIDE - finding.rows.start;
+    }
+    assert_eq!(flipped, found(&voxels, 3.0));
+}

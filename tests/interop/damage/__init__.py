@@ -1,0 +1,1 @@
+"""Damaged series of every codec, and what comes of them."""

@@ -1,0 +1,176 @@
+//! Slices whose pixels were lost or exchanged behind an intact header: an error or a doubt, never a
+//! quiet cloud.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use serde_json::Value;
+use triplanar::phantom::Options;
+
+use crate::support::client::Client;
+use crate::support::pacs;
+use crate::support::phantom::{Series, series};
+use crate::support::service::{Settings, run, triplanar};
+
+const SIDE: usize = 160;
+/// Bytes of a slice: 16 bits a pixel, not compressed, at the end of the file.
+const BYTES: usize = 2 * SIDE * SIDE;
+
+/// A whole head in few pixels.
+fn head() -> &'static Series {
+    static HEAD: OnceLock<Series> = OnceLock::new();
+    HEAD.get_or_init(|| {
+        series(Options {
+            columns: SIDE,
+            rows: SIDE,
+            column_mm: 1.5,
+            row_mm: 1.5,
+            slices: 75,
+            slice_mm: 2.5,
+            pitch_deg: 6.0,
+            ..Options::default()
+        })
+    })
+}
+
+/// The pixels of a slice.
+fn pixels(files: &mut [Vec<u8>], slice: usize) -> &mut [u8] {
+    let file = &mut files[slice];
+    let start = file.len() - BYTES;
+    &mut file[start..]
+}
+
+fn sop_instance_uid(file: &[u8]) -> String {
+    let object = dicom_object::from_reader(file).expect("a DICOM file");
+    object.meta().media_storage_sop_instance_uid().to_owned()
+}
+
+/// Exit code, standard error, and the report if there is one.
+fn reconstruct(dir: &Path, files: &[Vec<u8>], profile: &str) -> (Option<i32>, String, Value) {
+    let input = dir.join("in");
+    std::fs::create_dir_all(&input).expect("a folder");
+    for (number, file) in files.iter().enumerate() {
+        std::fs::write(input.join(number.to_string()), file).expect("a file");
+    }
+    let mut command = triplanar();
+    command.current_dir(dir).args([
+        "reconstruct",
+        "in",
+        "-o",
+        "c.ply",
+        "--report",
+        "r.json",
+        "--profile",
+        profile,
+    ]);
+    command.args(if profile == "paper" { &["--min-neighbours", "0"][..] } else { &[] });
+    let done = run(command);
+    let text = String::from_utf8([done.stdout, done.stderr].concat()).expect("text");
+    let report = std::fs::read(dir.join("r.json"))
+        .map_or(Value::Null, |json| serde_json::from_slice(&json).expect("JSON"));
+    (done.status.code(), text, report)
+}
+
+fn doubtful_rows(report: &Value) -> Vec<Value> {
+    let warnings = report["warnings"].as_array().expect("warnings");
+    let told = warnings.iter().filter(|warning| warning["code"] == "inconsistent_levels");
+    told.flat_map(|warning| warning["rows"].as_array().expect("rows").clone()).collect()
+}
+
+#[test]
+fn an_unharmed_series_is_not_doubted() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for profile in ["paper", "precise"] {
+        let (code, text, report) = reconstruct(dir.path(), &head().files, profile);
+        assert_eq!(code, Some(0), "{text}");
+        assert_eq!(doubtful_rows(&report), Vec::<Value>::new(), "{profile}");
+    }
+}
+
+#[test]
+fn a_slice_that_is_zero_from_a_row_on_is_refused_by_name() {
+    let mut files = head().files.clone();
+    let slice = 40;
+    pixels(&mut files, slice)[BYTES * 2 / 5..].fill(0);
+    let dir = tempfile::tempdir().expect("a folder");
+    for profile in ["paper", "precise"] {
+        let (code, text, _) = reconstruct(dir.path(), &files, profile);
+        assert_eq!(code, Some(4), "{profile}: {text}");
+        assert!(text.contains("inconsistent_levels"), "{text}");
+        assert!(text.contains(&sop_instance_uid(&files[slice])), "{text}");
+        assert!(!text.contains(&sop_instance_uid(&files[slice + 1])), "its neighbour is named too: {text}");
+    }
+}
+
+#[test]
+fn exchanged_slices_are_refused_and_both_named() {
+    let mut files = head().files.clone();
+    let (a, b) = (20, 55);
+    let of_a = pixels(&mut files, a).to_vec();
+    let of_b = pixels(&mut files, b).to_vec();
+    pixels(&mut files, a).copy_from_slice(&of_b);
+    pixels(&mut files, b).copy_from_slice(&of_a);
+    let dir = tempfile::tempdir().expect("a folder");
+    let (code, text, _) = reconstruct(dir.path(), &files, "precise");
+    assert_eq!(code, Some(4), "{text}");
+    for slice in [a, b] {
+        assert!(text.contains(&sop_instance_uid(&files[slice])), "{text}");
+    }
+}
+
+/// The head with a few rows of one slice lost: [`ROWS`] of [`SLICE`].
+fn few_rows_lost() -> Vec<Vec<u8>> {
+    let mut files = head().files.clone();
+    pixels(&mut files, SLICE)[ROWS.start * 2 * SIDE..ROWS.end * 2 * SIDE].fill(0);
+    files
+}
+const SLICE: usize = 30;
+const ROWS: std::ops::Range<usize> = 70..73;
+
+#[test]
+fn a_few_lost_rows_are_a_doubt_that_names_them() {
+    let files = few_rows_lost();
+    let dir = tempfile::tempdir().expect("a folder");
+    for profile in ["paper", "precise"] {
+        let (code, text, report) = reconstruct(dir.path(), &files, profile);
+        assert_eq!(code, Some(0), "{profile}: {text}");
+        assert!(text.contains("warning      inconsistent_levels"), "{text}");
+        let rows = doubtful_rows(&report);
+        let uid = Value::from(sop_instance_uid(&files[SLICE]));
+        assert!(!rows.is_empty() && rows.iter().all(|row| row["sop_instance_uid"] == uid), "{rows:#?}");
+        let seen = rows.iter().any(|row| row["first_row"] == ROWS.start + 1);
+        assert!(seen, "rows {} to {}: {rows:#?}", ROWS.start + 1, ROWS.end);
+        if profile == "precise" {
+            assert_ne!(report["quality"]["verdict"], "good");
+            assert_eq!(report["quality"]["doubtful_slices"], 1);
+            let doubts = report["quality"]["doubts"].as_array().expect("doubts");
+            assert!(doubts.contains(&Value::from("inconsistent_levels")), "{doubts:?}");
+            assert!(
+                text.lines().any(|l| l.starts_with("verdict") && l.contains("inconsistent_levels")),
+                "{text}"
+            );
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn over_http_damage_is_a_doubt_of_the_result_or_the_reason_of_its_failure() {
+    let service = Settings::new().with("pipeline.profile", "precise").start();
+    pacs::push(&service, &few_rows_lost()).await;
+    let client = Client::new(service.http);
+    let rows = client.settled(&head().uid, 1).await;
+    assert_eq!(rows[0]["state"], "succeeded", "{rows:#?}");
+    let doubts = rows[0]["quality"]["doubts"].as_array().expect("doubts");
+    assert!(doubts.contains(&Value::from("inconsistent_levels")), "{doubts:?}");
+    let report: Value = client.json(&format!("/v1/series/{}/report", head().uid)).await;
+    assert!(!doubtful_rows(&report).is_empty(), "{:#?}", report["warnings"]);
+    drop(service);
+
+    let mut files = head().files.clone();
+    pixels(&mut files, SLICE)[BYTES / 3..].fill(0);
+    let service = Settings::new().with("pipeline.profile", "precise").start();
+    pacs::push(&service, &files).await;
+    let rows = Client::new(service.http).settled(&head().uid, 1).await;
+    assert_eq!(rows[0]["state"], "failed", "{rows:#?}");
+    assert_eq!(rows[0]["error"]["code"], "inconsistent_levels", "{rows:#?}");
+}
