@@ -158,6 +158,17 @@ pub struct Intake {
     #[serde(deserialize_with = "seconds")]
     pub quiet: Duration,
     pub min_slices: usize,
+    pub changed_identity: ChangedIdentity,
+}
+
+/// What becomes of an instance that is stored and comes again with another identity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ChangedIdentity {
+    /// The new data set replaces the stored one.
+    Update,
+    /// It is refused.
+    Refuse,
 }
 
 /// Section `jobs`.

@@ -37,6 +37,13 @@ pub enum Error {
     /// The series is stored already as part of another study. C006, 409.
     #[error("series {0} is already stored as part of another study; the stored one was kept")]
     ConflictingStudy(SeriesInstanceUid),
+    /// The instance is stored already with another identity, and `intake.changed_identity` is "refuse".
+    /// C008, 409.
+    #[error(
+        "SOP instance {0} is already stored with another identity (patient or accession number), and corrections are \
+         refused here (intake.changed_identity); the stored one was kept"
+    )]
+    ConflictingIdentity(SopInstanceUid),
     /// The series holds as many instances as it may. A700, 413.
     #[error("the series holds as many instances as it may: {limit} ({setting})")]
     SeriesFull {
@@ -152,6 +159,13 @@ pub enum Error {
     /// The series is not complete yet or has no reconstruction yet. 409.
     #[error("series {0} has no finished reconstruction yet")]
     SeriesIncomplete(SeriesInstanceUid),
+    /// The identity of the series is being corrected: some of its instances came again with another
+    /// one. 409.
+    #[error(
+        "the identity of series {0} is changing: some of its instances carry the corrected one, others not yet; send \
+         all of them again with it"
+    )]
+    IdentityChanging(SeriesInstanceUid),
     /// The series can't be reconstructed. 409.
     #[error("series {uid} can't be reconstructed: {reason}{}", in_brackets(detail.as_deref()))]
     NotReconstructable {
@@ -269,6 +283,7 @@ impl Error {
             Self::ConflictingInstance(_) => ("conflicting-instance", "Conflicting instance", 0xC003, 409),
             Self::ConflictingSeries(_) => ("conflicting-series", "Conflicting series", 0xC004, 409),
             Self::ConflictingStudy(_) => ("conflicting-study", "Conflicting study", 0xC006, 409),
+            Self::ConflictingIdentity(_) => ("conflicting-identity", "Conflicting identity", 0xC008, 409),
             Self::SeriesFull { .. } => ("series-full", "Series full", 0xA700, 413),
             Self::UnsupportedTransferSyntax(_) => {
                 ("unsupported-transfer-syntax", "Unsupported transfer syntax", 0xC005, 415)
@@ -300,6 +315,7 @@ impl Error {
                 ("range-not-satisfiable", "Range not satisfiable", 0x0115, 416)
             }
             Self::SeriesIncomplete(_) => ("series-incomplete", "Series incomplete", 0x0110, 409),
+            Self::IdentityChanging(_) => ("identity-changing", "Identity changing", 0x0110, 409),
             Self::NotReconstructable { .. } => ("not-reconstructable", "Not reconstructable", 0x0110, 409),
             Self::ReconstructionState { .. } => ("reconstruction-state", "Not in that state", 0x0110, 409),
             Self::NotCurrent { .. } => ("not-current", "Latest revision not there", 0x0110, 409),

@@ -8,8 +8,9 @@ use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, 
 use crate::pipeline::precise::Quality;
 use crate::pipeline::{Figures, Parameters, Stage};
 use crate::store::{
-    ClinicalChoice, CompleteReason, Page, ReconstructionId, ReconstructionRecord, ReconstructionState,
-    Refused, SenderEnd, SeriesRecord, SeriesState, TransferDoubt, UnfitReason, UnreadableRow,
+    ClinicalChoice, CompleteReason, IdentityChange, IdentityField, Page, ReconstructionId,
+    ReconstructionRecord, ReconstructionState, Refused, SenderEnd, SeriesRecord, SeriesState, TransferDoubt,
+    UnfitReason, UnreadableRow,
 };
 
 /// A series.
@@ -52,6 +53,9 @@ pub(super) struct SeriesView {
     pub bytes: u64,
     /// Instances that were refused because others are stored under their UIDs.
     pub refused_instances: u64,
+    /// Some of its instances came again with a corrected identity, others did not yet: until all have,
+    /// its cloud, report and pictures answer 409, and patient and accession number are the former ones.
+    pub identity_changing: bool,
     /// When its first instance came.
     #[schema(format = DateTime)]
     pub created: String,
@@ -132,6 +136,21 @@ pub(super) struct SeriesDetail {
     pub clinical: ClinicalView,
     /// The instances that were refused.
     pub refused: Vec<RefusedView>,
+    /// What happened to its identity, the first event first.
+    pub history: Vec<HistoryView>,
+}
+
+/// Something that happened to a series' identity.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub(super) struct HistoryView {
+    /// `identity_changed`: its instances came again with a corrected identity, and all carry it.
+    #[schema(examples("identity_changed"))]
+    pub event: &'static str,
+    /// What of the identity was corrected; what it was before is not kept.
+    pub fields: Vec<IdentityField>,
+    /// When the last instance of the correction came.
+    #[schema(format = DateTime)]
+    pub at: String,
 }
 
 /// An instance that was refused although its series is known.
@@ -278,9 +297,16 @@ impl From<SeriesRecord> for SeriesView {
             instances: record.instances,
             bytes: record.bytes,
             refused_instances: record.refused_instances,
+            identity_changing: record.identity_changing,
             created: time(record.created_ms),
             updated: time(record.updated_ms),
         }
+    }
+}
+
+impl From<IdentityChange> for HistoryView {
+    fn from(change: IdentityChange) -> Self {
+        Self { event: "identity_changed", fields: change.fields, at: time(change.changed_ms) }
     }
 }
 

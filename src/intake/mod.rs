@@ -10,10 +10,12 @@
 //! | `spool` | bytes as they arrive, within the limit |
 //! | `examination` | the scan, and whether the data set is what was announced |
 //! | `receipt` | durable, with a row: or a reason why not |
+//! | `correction` | an instance that came again with another identity |
 //! | `duplicate` | an instance whose UID is stored already |
 //! | `completeness` | when a series is complete |
 
 mod completeness;
+mod correction;
 mod duplicate;
 mod examination;
 mod receipt;
@@ -26,7 +28,7 @@ use std::time::Duration;
 use tokio::sync::{Notify, Semaphore};
 use uuid::Uuid;
 
-use crate::config::Config;
+use crate::config::{ChangedIdentity, Config};
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::scan::Limits;
 use crate::dicom::series;
@@ -115,6 +117,7 @@ struct Shared {
     policy: Policy,
     scan_limits: Limits,
     max_instance_bytes: u64,
+    changed_identity: ChangedIdentity,
 }
 
 impl Intake {
@@ -140,6 +143,7 @@ impl Intake {
             policy,
             scan_limits: Limits { max_inflated_bytes: config.intake.max_inflated_bytes, ..Limits::default() },
             max_instance_bytes: config.intake.max_instance_bytes,
+            changed_identity: config.intake.changed_identity,
         };
         Self { shared: Arc::new(shared) }
     }

@@ -9,7 +9,7 @@ use crate::dicom::part10;
 use crate::dicom::scan::{self, Scan};
 use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid};
 use crate::error::{Error, Result};
-use crate::store::{Added, Staged, blocking};
+use crate::store::{Added, InstanceRecord, Staged, blocking};
 
 impl Intake {
     /// The whole way of one instance.
@@ -49,11 +49,9 @@ impl Intake {
         let (store, policy, sender) = (&self.shared.store, &self.shared.policy, announced.sender.id());
 
         let known = store.instance(&header.sop_instance_uid).await?;
-        if known
-            .is_some_and(|stored| stored.header == header && stored.data_set_sha256 == staged.data_set_sha256)
-        {
+        if known.is_some_and(|stored| is_same_data_set(&stored, &staged)) {
             // What is stored is durable: nothing needs to be written.
-            store.catalog().heard_again(&header.series_instance_uid, sender, policy).await?;
+            self.confirmed(&header, announced).await?;
             return Ok(Receipt { header, duplicate: true });
         }
 
@@ -68,13 +66,7 @@ impl Intake {
                 self.shared.timers.notify_one();
                 Ok(Receipt { header, duplicate: false })
             }
-            Added::Exists(stored) => {
-                let same = self.check_same(&stored, &new).await;
-                store.discard(&new).await?;
-                same?;
-                store.catalog().heard_again(&header.series_instance_uid, sender, policy).await?;
-                Ok(Receipt { header, duplicate: true })
-            }
+            Added::Exists(stored) => self.again(*stored, new, announced).await,
         }
     }
 
@@ -105,4 +97,10 @@ impl Intake {
             tracing::error!(%series, %instance, code, cause = ?error, "a refusal can't be recorded");
         }
     }
+}
+
+/// The same bytes in the same transfer syntax, and so the same header.
+fn is_same_data_set(stored: &InstanceRecord, staged: &Staged) -> bool {
+    stored.data_set_sha256 == staged.data_set_sha256
+        && stored.header.transfer_syntax_uid == staged.header.transfer_syntax_uid
 }

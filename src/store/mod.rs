@@ -39,7 +39,7 @@ use crate::error::{Error, Result};
 use blobs::Blobs;
 use catalog::Catalog;
 
-pub(crate) use catalog::{Added, Completion, End, NewInstance, Policy, now_ms};
+pub(crate) use catalog::{Added, Completion, End, NewInstance, Policy, Settled, now_ms};
 pub(crate) use hashed::Damage;
 pub use hashed::HashedFile;
 pub use open::OpenError;
@@ -47,9 +47,9 @@ pub use queue::{Claim, Fault, Heartbeat, Lease, Outcome, Reclaim};
 pub use reading::StoredInstances;
 pub(crate) use receiving::Staged;
 pub use records::{
-    Clinical, ClinicalChoice, CompleteReason, IdentityField, InstanceRecord, Page, ReconstructionFilter,
-    ReconstructionId, ReconstructionRecord, ReconstructionState, Refused, SenderEnd, SeriesFilter,
-    SeriesRecord, SeriesState, TransferDoubt, UnfitReason, UnreadableRow,
+    Clinical, ClinicalChoice, CompleteReason, IdentityChange, IdentityField, InstanceRecord, Page,
+    ReconstructionFilter, ReconstructionId, ReconstructionRecord, ReconstructionState, Refused, SenderEnd,
+    SeriesFilter, SeriesRecord, SeriesState, TransferDoubt, UnfitReason, UnreadableRow,
 };
 pub use removing::Swept;
 pub(crate) use stored::report_json;

@@ -86,6 +86,7 @@ impl Store {
             settings: config.clone(),
             lock,
         }));
+        store.remove_replaced(true).await.map_err(|error| unusable(error.into()))?;
         store.remove_orphans().await.map_err(|error| unusable(error.into()))?;
         Ok(store)
     }

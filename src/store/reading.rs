@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::blobs::Blobs;
 use super::catalog::set_sha256;
 use super::records::{
-    Clinical, ClinicalChoice, InstanceRecord, Page, ReconstructionFilter, ReconstructionId,
+    Clinical, ClinicalChoice, IdentityChange, InstanceRecord, Page, ReconstructionFilter, ReconstructionId,
     ReconstructionRecord, Refused, SeriesFilter, SeriesRecord,
 };
 use super::{Damage, HashedFile, Store, blocking, hashed};
@@ -88,6 +88,14 @@ impl Store {
         } else {
             Err(Error::SourceRemoved)
         }
+    }
+
+    /// The changes of a series' identity that are over, the first one first.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn identity_changes(&self, uid: &SeriesInstanceUid) -> Result<Vec<IdentityChange>> {
+        self.0.catalog.identity_changes(uid).await
     }
 
     /// Instances of a series that were refused, by SOP Instance UID.

@@ -231,6 +231,9 @@ pub struct InstanceRecord {
     pub size: u64,
     /// SHA-256 of the data set's bytes as they came, without the file meta group.
     pub data_set_sha256: [u8; 32],
+    /// What stands for its pixels and geometry in the identity of its set: the `data_set_sha256` of the
+    /// data set that was stored first. A corrected identity leaves it as it is.
+    pub image_sha256: [u8; 32],
     /// When it was acknowledged.
     pub received_ms: i64,
 }
@@ -272,10 +275,21 @@ pub struct SeriesRecord {
     pub bytes: u64,
     /// Instances refused because other pixels were stored under their UID (see [`Refused`]).
     pub refused_instances: u64,
+    /// Some of its instances came again with another identity, others did not yet.
+    pub identity_changing: bool,
     /// When its first instance came.
     pub created_ms: i64,
     /// When its latest instance came.
     pub updated_ms: i64,
+}
+
+/// A change of a series' identity that is over: every instance carries the new one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct IdentityChange {
+    /// What of it has changed.
+    pub fields: Vec<IdentityField>,
+    /// When the last instance of it came, Unix ms.
+    pub changed_ms: i64,
 }
 
 /// An instance that was refused although its series is known; stands in the report.

@@ -52,6 +52,7 @@ impl Store {
     /// # Errors
     /// The catalog's own.
     pub async fn sweep(&self, now_ms: i64) -> Result<Swept> {
+        self.remove_replaced(false).await?;
         let mut swept = Swept::default();
         let settings = &self.0.settings;
         if settings.result_retention_days > 0 {
@@ -68,6 +69,21 @@ impl Store {
         }
         self.0.catalog.remove_empty_series().await?;
         Ok(swept)
+    }
+
+    /// Removes the blobs of data sets that were replaced by ones with a corrected identity, but for
+    /// those that a running reconstruction may read. `at_start`: none runs.
+    ///
+    /// # Errors
+    /// The catalog's own, the disk's.
+    pub(crate) async fn remove_replaced(&self, at_start: bool) -> Result<()> {
+        let replaced = self.0.catalog.replaced_blobs(at_start).await?;
+        if replaced.is_empty() {
+            return Ok(());
+        }
+        // The rows go last: a blob whose removal fails is tried again.
+        self.remove_blobs(Removed { blobs: replaced.clone(), results: Vec::new() }).await?;
+        self.0.catalog.forget_replaced(&replaced).await
     }
 
     /// Removes results of which no row names the prefix any more.

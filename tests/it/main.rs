@@ -48,6 +48,7 @@ mod http_results;
 mod http_stow;
 mod http_upload;
 mod intake_completeness;
+mod intake_identity;
 mod intake_receipt;
 mod memory_budget;
 mod phantom_score;

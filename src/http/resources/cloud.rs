@@ -5,7 +5,7 @@ use axum::http::{HeaderMap, Method};
 use axum::response::Response;
 use serde::{Deserialize, Serialize};
 
-use super::{WantedRevision, clinical, off_the_runtime, readable, reconstruction_record};
+use super::{WantedRevision, clinical, off_the_runtime, readable, reconstruction_record, steady};
 use crate::cloud::{Format, MaxError};
 use crate::error::{Error, Result};
 use crate::geometry::{Frame, Plane};
@@ -131,6 +131,7 @@ pub(in crate::http) async fn reconstruction_cloud(
     headers: HeaderMap,
 ) -> Result<Response> {
     let record = reconstruction_record(&context, id).await?;
+    steady(&context, &record.series_instance_uid).await?;
     serve(&context, record, query, method, headers).await
 }
 

@@ -29,6 +29,14 @@ async fn series_record(context: &Context, uid: &SeriesInstanceUid) -> Result<Ser
     record.ok_or_else(|| Error::NotFound { what: "series", id: uid.to_string() })
 }
 
+/// Refuses what shows a patient while it is not known which: the series' identity is changing.
+async fn steady(context: &Context, uid: &SeriesInstanceUid) -> Result<()> {
+    if context.store.series(uid).await?.is_some_and(|series| series.identity_changing) {
+        return Err(Error::IdentityChanging(uid.clone()));
+    }
+    Ok(())
+}
+
 async fn reconstruction_record(context: &Context, id: ReconstructionId) -> Result<ReconstructionRecord> {
     let record = context.store.reconstruction(id).await?;
     record.ok_or_else(|| Error::NotFound { what: "reconstruction", id: id.to_string() })
@@ -48,6 +56,7 @@ async fn clinical(
     uid: &SeriesInstanceUid,
     wanted: Option<WantedRevision>,
 ) -> Result<ReconstructionRecord> {
+    steady(context, uid).await?;
     let clinical = context.store.clinical(uid).await?;
     if let Some(WantedRevision::Current) = wanted {
         let series = series_record(context, uid).await?;

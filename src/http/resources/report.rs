@@ -6,7 +6,7 @@ use axum::response::Response;
 use bytes::Bytes;
 use serde::Deserialize;
 
-use super::{WantedRevision, clinical, off_the_runtime, readable, reconstruction_record};
+use super::{WantedRevision, clinical, off_the_runtime, readable, reconstruction_record, steady};
 use crate::error::{Error, Result};
 use crate::http::Context;
 use crate::http::about::About;
@@ -53,6 +53,7 @@ pub(in crate::http) async fn reconstruction_report(
     headers: HeaderMap,
 ) -> Result<Response> {
     let record = reconstruction_record(&context, id).await?;
+    steady(&context, &record.series_instance_uid).await?;
     serve(&context, record, method, headers).await
 }
 

@@ -9,7 +9,7 @@ use crate::dicom::uid::StudyInstanceUid;
 use crate::error::{Error, Result};
 use crate::http::Context;
 use crate::http::extract::{Parameters, SeriesPath};
-use crate::http::views::{PageView, ReconstructionView, RefusedView, SeriesDetail, SeriesView};
+use crate::http::views::{HistoryView, PageView, ReconstructionView, RefusedView, SeriesDetail, SeriesView};
 use crate::store::{ReconstructionFilter, SeriesFilter, SeriesState};
 
 /// Refuses what no stored value can be (PS3.5 section 6.2: LO, SH).
@@ -114,5 +114,6 @@ pub(in crate::http) async fn get_series(
         reconstruction: latest.map(ReconstructionView::from),
         clinical,
         refused: refused.into_iter().map(RefusedView::from).collect(),
+        history: context.store.identity_changes(&uid).await?.into_iter().map(HistoryView::from).collect(),
     }))
 }

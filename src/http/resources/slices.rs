@@ -9,7 +9,7 @@ use bytes::Bytes;
 use image::ImageFormat;
 use serde::Deserialize;
 
-use super::{off_the_runtime, reconstruction_record};
+use super::{off_the_runtime, reconstruction_record, steady};
 use crate::error::{Error, Result};
 use crate::geometry::Plane;
 use crate::http::Context;
@@ -69,6 +69,7 @@ pub(in crate::http) async fn slice_picture(
     let plane = Plane::ALL.into_iter().find(|plane| plane.name() == path.plane).ok_or_else(no_slice)?;
     let index = slice_index(&path.picture).ok_or_else(no_slice)?;
     let record = reconstruction_record(&context, path.id).await?;
+    steady(&context, &record.series_instance_uid).await?;
     if !record.has_report {
         return Err(Error::ReconstructionState {
             state: record.state.name(),

@@ -4,12 +4,14 @@
 use super::dialect::Connection;
 use super::instances::{set_sha256, signed};
 use super::queue::{self, Enqueued};
-use super::{Catalog, clinical, reconstructions, rows, senders, series};
+use super::{Catalog, clinical, corrections, reconstructions, rows, senders, series};
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
 use crate::pipeline::Parameters;
-use crate::store::records::{CompleteReason, InstanceRecord, ReconstructionId, SeriesState, UnfitReason};
+use crate::store::records::{
+    CompleteReason, IdentityField, InstanceRecord, ReconstructionId, SeriesState, UnfitReason,
+};
 
 /// A completion that found the queue full is tried again after this time.
 const QUEUE_FULL_RETRY_MS: i64 = 1_000;
@@ -142,6 +144,16 @@ async fn end(
     .bind(set.as_slice())
     .execute(&mut *connection)
     .await?;
+    if !record.identity_changing {
+        // One patient's identity over all instances, or none.
+        let common = |field| corrections::common(headers.iter().map(|header| header.identity.get(field)));
+        sqlx::query("UPDATE series SET patient_id = $2, accession_number = $3 WHERE series_uid = $1")
+            .bind(uid.as_str())
+            .bind(common(IdentityField::PatientId))
+            .bind(common(IdentityField::AccessionNumber))
+            .execute(&mut *connection)
+            .await?;
+    }
     sqlx::query("UPDATE instances SET revision = $2 WHERE series_uid = $1 AND revision IS NULL")
         .bind(uid.as_str())
         .bind(i64::from(revision))

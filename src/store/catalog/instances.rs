@@ -5,7 +5,7 @@ use uuid::Uuid;
 
 use super::completion::{Completion, Policy, complete};
 use super::dialect::Connection;
-use super::{Catalog, now_ms, rows, senders, series};
+use super::{Catalog, corrections, now_ms, rows, senders, series};
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid};
 use crate::error::{Error, Result};
@@ -60,6 +60,7 @@ impl Catalog {
         }
         upsert_series(&mut tx, new, now).await?;
         insert(&mut tx, new, now).await?;
+        corrections::confirm(&mut tx, uid, &new.header.sop_instance_uid, now).await?;
         senders::heard(&mut tx, uid, sender, &self.process, policy).await?;
 
         let instances = before.as_ref().map_or(0, |series| series.instances) + 1;
@@ -221,11 +222,11 @@ pub(super) fn signed(value: u64) -> i64 {
     i64::try_from(value).unwrap_or(i64::MAX)
 }
 
-/// Identity of a set of instances: SHA-256 over SOP Instance UID, a zero byte and the data set's
+/// Identity of a set of instances: SHA-256 over SOP Instance UID, a zero byte and the image's
 /// SHA-256 of each, in the order of the UIDs.
 pub(crate) fn set_sha256(instances: &[InstanceRecord]) -> [u8; 32] {
     let mut sorted: Vec<_> =
-        instances.iter().map(|i| (i.header.sop_instance_uid.as_str(), i.data_set_sha256)).collect();
+        instances.iter().map(|i| (i.header.sop_instance_uid.as_str(), i.image_sha256)).collect();
     sorted.sort_unstable();
     let mut hash = Sha256::new();
     for (uid, data_set) in sorted {

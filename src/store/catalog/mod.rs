@@ -6,6 +6,7 @@
 
 mod clinical;
 mod completion;
+mod corrections;
 mod dialect;
 mod identity;
 mod instances;
@@ -25,6 +26,7 @@ use uuid::Uuid;
 use crate::error::Result;
 
 pub(crate) use completion::{Completion, End, Policy};
+pub(crate) use corrections::Settled;
 pub(crate) use dialect::Transaction;
 pub(crate) use instances::{Added, NewInstance, set_sha256};
 pub(crate) use retention::Removed;

@@ -110,6 +110,8 @@ impl Catalog {
             "UPDATE reconstructions SET state = 'running', attempts = attempts + 1, fence = fence + 1, worker = $1, \
              lease_until_ms = $2, started_ms = $3, stage = NULL, fraction = 0.0, cancel_requested = FALSE \
              WHERE id = (SELECT id FROM reconstructions WHERE state = 'queued' AND not_before_ms <= $3 \
+                         AND NOT EXISTS (SELECT 1 FROM series s WHERE s.series_uid = reconstructions.series_uid \
+                                         AND s.identity_changing IS NOT NULL) \
                          ORDER BY not_before_ms, id LIMIT 1) \
              RETURNING *",
         )
@@ -151,11 +153,15 @@ impl Catalog {
         record.ok_or_else(|| Error::NotFound { what: "reconstruction", id: id.to_string() })
     }
 
-    /// When the next queued one may be claimed.
+    /// When the next queued one may be claimed; those of a series whose identity is changing may not.
     pub(crate) async fn next_claim_ms(&self) -> Result<Option<i64>> {
-        Ok(sqlx::query_scalar("SELECT MIN(not_before_ms) FROM reconstructions WHERE state = 'queued'")
-            .fetch_one(&self.readers)
-            .await?)
+        Ok(sqlx::query_scalar(
+            "SELECT MIN(not_before_ms) FROM reconstructions WHERE state = 'queued' \
+             AND NOT EXISTS (SELECT 1 FROM series s WHERE s.series_uid = reconstructions.series_uid \
+                             AND s.identity_changing IS NOT NULL)",
+        )
+        .fetch_one(&self.readers)
+        .await?)
     }
 
     /// How many are queued.
@@ -217,7 +223,7 @@ pub(super) async fn enqueue(
 }
 
 /// Makes a reconstruction that has ended wait for a worker again, as if it were new.
-async fn queue_again(connection: &mut Connection, id: ReconstructionId, now: i64) -> Result<()> {
+pub(super) async fn queue_again(connection: &mut Connection, id: ReconstructionId, now: i64) -> Result<()> {
     sqlx::query(
         "UPDATE reconstructions SET state = 'queued', stage = NULL, fraction = 0.0, attempts = 0, \
          error_code = NULL, error_detail = NULL, error_instances = '[]', result = NULL, has_report = FALSE, \

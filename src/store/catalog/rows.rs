@@ -137,6 +137,7 @@ fn series_record(row: &Row) -> Result<SeriesRecord> {
         instances: number(row, "instances")?,
         bytes: number(row, "bytes")?,
         refused_instances: number(row, "refused_instances")?,
+        identity_changing: row.try_get::<Option<&str>, _>("identity_changing")?.is_some(),
         created_ms: row.try_get("created_ms")?,
         updated_ms: row.try_get("updated_ms")?,
     })
@@ -171,8 +172,17 @@ pub(super) fn instance(row: &Row) -> Result<InstanceRecord> {
         blob: row.try_get("blob")?,
         size: number(row, "size")?,
         data_set_sha256: sha256(row, "data_set_sha256")?,
+        image_sha256: match row.try_get::<Option<&[u8]>, _>("image_sha256")? {
+            Some(_) => sha256(row, "image_sha256")?,
+            None => sha256(row, "data_set_sha256")?,
+        },
         received_ms: row.try_get("received_ms")?,
     })
+}
+
+/// A boolean.
+pub(super) fn flag(row: &Row, column: &str) -> Result<bool> {
+    Ok(row.try_get(column)?)
 }
 
 pub(super) fn identity(row: &Row) -> Result<Identity> {

@@ -4,25 +4,30 @@
 use uuid::Uuid;
 
 use super::completion::{Completion, Policy, complete};
+use super::corrections::{self, Settled};
 use super::dialect::Connection;
 use super::instances::signed;
 use super::{Catalog, now_ms, rows, series};
+use crate::dicom::header::InstanceHeader;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
 use crate::store::records::{CompleteReason, SenderEnd, SeriesState};
 
 impl Catalog {
     /// A duplicate came: the sender is alive, so a series that is still receiving waits on. One
-    /// that is complete stays so.
+    /// that is complete stays so. Where the identity is changing, the instance is confirmed.
     pub(crate) async fn heard_again(
         &self,
-        uid: &SeriesInstanceUid,
+        header: &InstanceHeader,
         sender: Uuid,
         policy: &Policy,
-    ) -> Result<()> {
+    ) -> Result<Settled> {
+        let uid = &header.series_instance_uid;
         let mut tx = self.begin().await?;
+        let settled = corrections::confirm(&mut tx, uid, &header.sop_instance_uid, now_ms()).await?;
         heard(&mut tx, uid, sender, &self.process, policy).await?;
-        Ok(tx.commit().await?)
+        tx.commit().await?;
+        Ok(settled)
     }
 
     /// The sender ended. If it ended well, its series that nobody else sends are due after the short

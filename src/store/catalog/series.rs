@@ -58,7 +58,7 @@ impl Catalog {
     /// any more; `None` if there is no such series.
     pub(crate) async fn delete_series(&self, uid: &SeriesInstanceUid) -> Result<Option<super::Removed>> {
         let mut tx = self.begin().await?;
-        let removed = super::Removed {
+        let mut removed = super::Removed {
             blobs: sqlx::query_scalar("SELECT blob FROM instances WHERE series_uid = $1")
                 .bind(uid.as_str())
                 .fetch_all(&mut *tx)
@@ -70,6 +70,12 @@ impl Catalog {
             .fetch_all(&mut *tx)
             .await?,
         };
+        let replaced: Vec<String> =
+            sqlx::query_scalar("DELETE FROM replaced_blobs WHERE series_uid = $1 RETURNING blob")
+                .bind(uid.as_str())
+                .fetch_all(&mut *tx)
+                .await?;
+        removed.blobs.extend(replaced);
         // Instances, senders and reconstructions go with it.
         let gone = sqlx::query("DELETE FROM series WHERE series_uid = $1")
             .bind(uid.as_str())

@@ -25,6 +25,7 @@ pub(crate) struct Slice {
     /// All pixels.
     pub(crate) value: i16,
     pub(crate) edge: u16,
+    pub(crate) patient_id: &'static str,
 }
 
 impl Default for Slice {
@@ -38,6 +39,7 @@ impl Default for Slice {
             syntax: EXPLICIT,
             value: 40,
             edge: 8,
+            patient_id: "PATIENT-4711",
         }
     }
 }
@@ -65,7 +67,7 @@ impl Slice {
         set.text(0x0008_0018, b"UI", self.sop_uid().as_str());
         set.text(0x0008_0060, b"CS", self.modality);
         set.text(0x0010_0010, b"PN", "Sauerbruch^Ferdinand");
-        set.text(0x0010_0020, b"LO", "PATIENT-4711");
+        set.text(0x0010_0020, b"LO", self.patient_id);
         set.text(0x0020_000D, b"UI", &format!("{ROOT}.{}", self.study));
         set.text(0x0020_000E, b"UI", self.series_uid().as_str());
         set.text(0x0020_0013, b"IS", &self.number.to_string());

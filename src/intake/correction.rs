@@ -1,0 +1,107 @@
+//! An instance that is stored and came again: as it is, or with a corrected identity.
+
+use std::io::Cursor;
+
+use super::duplicate::Comparison;
+use super::{Announced, Intake, Receipt};
+use crate::config::ChangedIdentity;
+use crate::dicom::header::InstanceHeader;
+use crate::dicom::scan::{Encoding, scan};
+use crate::dicom::uid::SeriesInstanceUid;
+use crate::error::{Error, Result};
+use crate::store::{IdentityField, InstanceRecord, NewInstance, Settled, blocking};
+
+/// Comparisons with an instance that others replace meanwhile.
+const TRIES: usize = 8;
+
+impl Intake {
+    /// The stored instance stays, or its row takes the new data set. Either way one blob is left over
+    /// and removed: the new one here, the former one once nobody reads it.
+    pub(super) async fn again(
+        &self,
+        stored: InstanceRecord,
+        new: NewInstance,
+        announced: &Announced,
+    ) -> Result<Receipt> {
+        let corrected = self.correct(stored, &new, announced).await;
+        if !matches!(corrected, Ok(true)) {
+            // After a failed commit only the catalog knows whether the row names the new blob.
+            let row = self.shared.store.instance(&new.header.sop_instance_uid).await;
+            if row.is_ok_and(|row| row.is_none_or(|row| row.blob != new.blob)) {
+                self.shared.store.discard(&new).await?;
+            }
+        }
+        Ok(Receipt { duplicate: !corrected?, header: new.header })
+    }
+
+    /// True if the new data set is the stored one now.
+    async fn correct(
+        &self,
+        mut stored: InstanceRecord,
+        new: &NewInstance,
+        announced: &Announced,
+    ) -> Result<bool> {
+        let (store, policy, sender) = (&self.shared.store, &self.shared.policy, announced.sender.id());
+        let (uid, series) = (&new.header.sop_instance_uid, &new.header.series_instance_uid);
+        for _ in 0..TRIES {
+            let fields = match self.compare(&stored, new).await? {
+                Comparison::Same => {
+                    self.confirmed(&new.header, announced).await?;
+                    return Ok(false);
+                }
+                Comparison::Identity(_) if self.shared.changed_identity == ChangedIdentity::Refuse => {
+                    return Err(Error::ConflictingIdentity(uid.clone()));
+                }
+                Comparison::Identity(fields) => fields,
+            };
+            self.read_identities(series).await?;
+            if let Some(settled) = store.catalog().correct(&stored, &fields, new, sender, policy).await? {
+                tracing::info!(%series, instance = %uid, fields = names(&fields), "identity of an instance corrected");
+                self.note_settled(series, &settled);
+                if let Err(error) = store.remove_replaced(false).await {
+                    tracing::warn!(%series, %error, "a replaced data set can't be removed; will try again");
+                }
+                return Ok(true);
+            }
+            // Another sender was faster: what is stored now is compared.
+            stored = store.instance(uid).await?.ok_or(Error::Busy("the series was removed meanwhile"))?;
+        }
+        Err(Error::Busy("others correct the same instance"))
+    }
+
+    /// The instance came as it is stored.
+    pub(super) async fn confirmed(&self, header: &InstanceHeader, announced: &Announced) -> Result<()> {
+        let (store, policy, sender) = (&self.shared.store, &self.shared.policy, announced.sender.id());
+        let settled = store.catalog().heard_again(header, sender, policy).await?;
+        self.note_settled(&header.series_instance_uid, &settled);
+        Ok(())
+    }
+
+    fn note_settled(&self, series: &SeriesInstanceUid, settled: &Settled) {
+        if let Some(fields) = &settled.changed {
+            tracing::info!(%series, fields = names(fields), "every instance carries the corrected identity");
+            // What waited for it can be claimed.
+            self.shared.wake.notify_one();
+        }
+    }
+
+    /// Reads the identities of instances that an earlier version stored.
+    async fn read_identities(&self, series: &SeriesInstanceUid) -> Result<()> {
+        let store = &self.shared.store;
+        let limits = self.shared.scan_limits;
+        let mut read = Vec::new();
+        for (_, blob) in store.catalog().without_identity(series).await? {
+            let bytes = store.instance_bytes(&blob).await?;
+            let identity =
+                blocking(move || Ok(scan(Cursor::new(bytes), &Encoding::Part10, &limits)?.header.identity));
+            read.push((blob, identity.await?));
+        }
+        if read.is_empty() { Ok(()) } else { store.catalog().enter_identities(&read).await }
+    }
+}
+
+/// Kinds of attributes, never what they say.
+fn names(fields: &[IdentityField]) -> String {
+    let names: Vec<&str> = fields.iter().map(|field| field.name()).collect();
+    names.join(",")
+}
