@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Deserializer};
 
+use crate::crowd::Network;
 use crate::dicom::ae_title::AeTitle;
 use crate::dicom::scan::Limits;
 use crate::dicom::series::ReadLimits;
@@ -64,11 +65,19 @@ pub struct Http {
     pub tokens: Vec<Token>,
     pub hosts: Vec<String>,
     pub max_connections: usize,
+    pub max_connections_per_address: usize,
+    pub trusted_proxies: Vec<Network>,
+    pub max_event_streams: usize,
+    pub max_event_streams_per_address: usize,
     pub max_upload_bytes: u64,
     pub max_unpacked_bytes: u64,
     pub max_archive_entries: u64,
     pub max_body_bytes: u64,
     pub max_uploads: usize,
+    pub max_uploads_per_address: usize,
+    pub min_bytes_per_second: u64,
+    #[serde(deserialize_with = "seconds")]
+    pub rate_grace: Duration,
     #[serde(deserialize_with = "seconds")]
     pub idle_timeout: Duration,
     pub max_page: u32,
@@ -122,9 +131,14 @@ pub struct Dimse {
     pub calling_ae_titles: Vec<String>,
     pub max_associations: usize,
     pub max_associations_per_peer: usize,
+    pub max_waiting: usize,
+    pub max_waiting_per_peer: usize,
     pub max_pdu_length: u32,
     #[serde(deserialize_with = "seconds")]
     pub association_timeout: Duration,
+    pub min_bytes_per_second: u64,
+    #[serde(deserialize_with = "seconds")]
+    pub rate_grace: Duration,
     #[serde(deserialize_with = "seconds")]
     pub idle_timeout: Duration,
     #[serde(deserialize_with = "seconds")]
@@ -313,10 +327,16 @@ impl Config {
         )?;
         for (setting, value) in [
             ("http.max_connections", self.http.max_connections),
+            ("http.max_connections_per_address", self.http.max_connections_per_address),
+            ("http.max_event_streams", self.http.max_event_streams),
+            ("http.max_event_streams_per_address", self.http.max_event_streams_per_address),
             ("http.max_uploads", self.http.max_uploads),
+            ("http.max_uploads_per_address", self.http.max_uploads_per_address),
             ("http.max_page", self.http.max_page as usize),
             ("dimse.max_associations", self.dimse.max_associations),
             ("dimse.max_associations_per_peer", self.dimse.max_associations_per_peer),
+            ("dimse.max_waiting", self.dimse.max_waiting),
+            ("dimse.max_waiting_per_peer", self.dimse.max_waiting_per_peer),
             ("jobs.workers", self.jobs.workers),
             ("jobs.max_attempts", self.jobs.max_attempts as usize),
             ("intake.min_slices", self.intake.min_slices),

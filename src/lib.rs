@@ -6,6 +6,7 @@
 //! | module | what it does |
 //! |---|---|
 //! | [`config`] | settings: compiled-in defaults ← file ← environment ← flags |
+//! | [`crowd`] | nobody locks others out: limits per peer, who makes room, least rates, descriptors |
 //! | [`dimse`] | DICOM in: listener, association, C-ECHO, C-STORE; our own SCU |
 //! | [`http`] | REST, STOW-RS and upload in; clouds, reports, events, health and metrics out |
 //! | [`intake`] | makes an instance durable, groups it into its series, notices that a series is complete |
@@ -34,6 +35,7 @@
 pub mod cli;
 pub mod cloud;
 pub mod config;
+pub mod crowd;
 pub mod dicom;
 pub mod dimse;
 pub mod error;

@@ -21,7 +21,7 @@ use crate::intake::Intake;
 use crate::jobs::Jobs;
 use crate::store::{OpenError, Store, Swept};
 use crate::telemetry::Metrics;
-use crate::{dimse, http};
+use crate::{crowd, dimse, http};
 
 /// How long open associations, requests and the running job may take to end at a stop.
 const GRACE: Duration = Duration::from_secs(20);
@@ -70,8 +70,9 @@ impl Service {
     ///
     /// # Errors
     /// [`StartError`]; nothing is left running then.
-    pub async fn start(config: Config) -> Result<Self, StartError> {
+    pub async fn start(mut config: Config) -> Result<Self, StartError> {
         config.check_protection()?;
+        crowd::fit(&mut config);
         let (http_listener, http) = listen("http.listen", config.http.listen).await?;
         let (dimse_listener, dimse) = listen("dimse.listen", config.dimse.listen).await?;
         let store = Store::open(&config.storage).await?;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
+use std::time::Duration;
 
 use bytes::Bytes;
 use dicom_ul::pdu::{AbortRQServiceProviderReason as Reason, AbortRQSource, AssociationRQ, Pdu};
@@ -11,7 +12,6 @@ use futures_util::FutureExt;
 use tokio::net::TcpStream;
 use uuid::Uuid;
 
-use super::admission::{LimitReached, Slot};
 use super::channel::{Channel, Incoming};
 use super::command::{CommandSet, NO_DATA_SET, RESPONSE, element};
 use super::connection::{Connection, Received};
@@ -24,6 +24,7 @@ use super::services::{self, Request};
 use super::status::{Refusal, SUCCESS};
 use super::stop::Stop;
 use super::tally::{RefusedContexts, Tally, reason_name};
+use crate::crowd::{Peer, Place, Slot};
 use crate::intake::{Intake, Receipt, Sender};
 use crate::store::SenderEnd;
 use crate::telemetry::Metrics;
@@ -35,16 +36,47 @@ const MAX_DISCARDED: u64 = 4_294_967_296;
 pub(crate) async fn serve(
     stream: TcpStream,
     peer: SocketAddr,
-    slot: Result<Slot, LimitReached>,
+    place: Place,
     shared: Arc<Shared>,
     stop: Stop,
 ) {
+    let begun = tokio::select! {
+        biased;
+        begun = begin(stream, peer, place.patience(), &shared, &stop) => begun,
+        // Nothing was promised to a peer that said nothing: the connection is closed without a word
+        // (PS3.8 table 9-10, action AA-2).
+        () = place.closed() => {
+            let fault = Fault::Crowded;
+            shared.metrics.association_failed(fault.code());
+            tracing::debug!(%peer, code = fault.code(), %fault, "no association request");
+            return;
+        }
+    };
+    // From here on the association's own place counts.
+    drop(place);
+    if let Some((connection, accepted, slot)) = begun {
+        established(connection, peer, accepted, shared, stop).await;
+        drop(slot);
+    }
+}
+
+/// From the connection to an accepted association; `None` if it was rejected and closed.
+async fn begin(
+    stream: TcpStream,
+    peer: SocketAddr,
+    patience: Duration,
+    shared: &Shared,
+    stop: &Stop,
+) -> Option<(Connection, Accepted, Slot)> {
     let config = &shared.config;
     let mut connection = match Connection::new(stream, config.max_pdu_length, config.write_timeout) {
-        Ok(connection) => connection,
-        Err(fault) => return tracing::debug!(%peer, %fault, "no connection"),
+        Ok(connection) => connection.paced(config.min_bytes_per_second, config.rate_grace),
+        Err(fault) => {
+            tracing::debug!(%peer, %fault, "no connection");
+            return None;
+        }
     };
-    let request = match request(&mut connection, &shared, &stop).await {
+    let request = match request(&mut connection, patience, stop).await {
         Ok(request) => request,
         Err(fault) => {
             shared.metrics.association_failed(fault.code());
@@ -56,37 +88,37 @@ pub(crate) async fn serve(
                 // The peer may be gone: nothing more to do for it.
                 let _ = connection.send(&Pdu::AbortRQ { source: AbortRQSource::ServiceUser }).await;
             }
-            return connection.close().await;
+            connection.close().await;
+            return None;
         }
     };
     let (calling, called) = (request.calling_ae_title.clone(), request.called_ae_title.clone());
-    let answer = negotiation::negotiate(request, config).and_then(|accepted| match &slot {
-        Ok(_) => Ok(accepted),
-        Err(limit) => {
+    let answer = negotiation::negotiate(request, config).and_then(|accepted| {
+        let slot = shared.associations.take(Peer::from(peer.ip())).map_err(|limit| {
             tracing::warn!(%peer, limit = limit.0, "too many associations");
-            Err(Rejection::Limit)
-        }
+            Rejection::Limit
+        })?;
+        Ok((accepted, slot))
     });
-    let accepted = match answer {
-        Ok(accepted) => accepted,
+    match answer {
+        Ok((accepted, slot)) => Some((connection, accepted, slot)),
         Err(rejection) => {
             shared.metrics.association_rejected(rejection.code());
             tracing::warn!(%peer, calling, called, code = rejection.code(), "association rejected");
             // The peer may be gone: nothing more to do for it.
             let _ = connection.send(&Pdu::AssociationRJ(rejection.pdu())).await;
-            return connection.close().await;
+            connection.close().await;
+            None
         }
-    };
-    established(connection, peer, accepted, shared, stop).await;
-    drop(slot);
+    }
 }
 
 /// The association request, whatever else comes first.
-async fn request(connection: &mut Connection, shared: &Shared, stop: &Stop) -> Result<AssociationRQ, Fault> {
+async fn request(connection: &mut Connection, patience: Duration, stop: &Stop) -> Result<AssociationRQ, Fault> {
     let received = tokio::select! {
         biased;
         () = stop.soon.cancelled() => return Err(Fault::ShuttingDown),
-        received = connection.receive(shared.config.association_timeout) => received?,
+        received = connection.receive(patience) => received?,
     };
     let Received::Pdu(pdu) = received else {
         return Err(Fault::protocol(Reason::UnexpectedPdu, "data without an association"));

@@ -110,6 +110,7 @@ impl Channel {
     }
 
     async fn next(&mut self, waiting: Waiting) -> Result<Next, Fault> {
+        self.connection.set_within_message(waiting == Waiting::WithinMessage);
         while self.rest.is_empty() {
             let stopped = match waiting {
                 Waiting::ForMessage => &self.stop.soon,

@@ -10,9 +10,10 @@ use bytes::{Bytes, BytesMut};
 use dicom_ul::pdu::{AbortRQServiceProviderReason as Reason, Pdu, read_pdu, write_pdu};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout};
 
 use super::fault::Fault;
+use crate::crowd::Pace;
 
 /// Type, reserved byte, length.
 const HEADER_LENGTH: usize = 6;
@@ -44,6 +45,10 @@ pub(crate) struct Connection {
     buffer: BytesMut,
     max_pdu_length: u32,
     write_timeout: Duration,
+    /// The least rate of a message, and of a PDU that has begun.
+    pace: Pace,
+    min_bytes_per_second: u64,
+    within_message: bool,
 }
 
 impl Connection {
@@ -56,7 +61,31 @@ impl Connection {
         // A C-STORE-RSP is one small segment; with Nagle's algorithm it waits for the peer's
         // delayed acknowledgement, some 45 ms a slice.
         stream.set_nodelay(true)?;
-        Ok(Self { stream, buffer: BytesMut::new(), max_pdu_length, write_timeout })
+        Ok(Self {
+            stream,
+            buffer: BytesMut::new(),
+            max_pdu_length,
+            write_timeout,
+            pace: Pace::new(0, Duration::ZERO),
+            min_bytes_per_second: 0,
+            within_message: false,
+        })
+    }
+
+    /// The same, whose peer must send messages at no less than a rate; `grace` is the time that it may
+    /// fall behind.
+    pub(crate) fn paced(mut self, min_bytes_per_second: u64, grace: Duration) -> Self {
+        self.min_bytes_per_second = min_bytes_per_second;
+        self.pace = Pace::new(min_bytes_per_second, grace);
+        self
+    }
+
+    /// A message may begin, after any pause, or one has begun and must keep its pace.
+    pub(crate) fn set_within_message(&mut self, within: bool) {
+        if !within {
+            self.pace.restart();
+        }
+        self.within_message = within;
     }
 
     /// The next PDU, whole within `limit`. Cancelling it loses nothing.
@@ -114,7 +143,7 @@ impl Connection {
     async fn fill(&mut self, wanted: usize) -> Result<(), Fault> {
         while self.buffer.len() < wanted {
             self.buffer.reserve((wanted - self.buffer.len()).min(READ_CHUNK));
-            if self.stream.read_buf(&mut self.buffer).await? == 0 {
+            if self.read().await? == 0 {
                 return Err(if self.buffer.is_empty() {
                     Fault::Closed
                 } else {
@@ -123,6 +152,18 @@ impl Connection {
             }
         }
         Ok(())
+    }
+
+    /// Reads what is there. Before a message begins the peer may pause; then it must keep its pace.
+    async fn read(&mut self) -> Result<usize, Fault> {
+        if !self.within_message && self.buffer.is_empty() {
+            return Ok(self.stream.read_buf(&mut self.buffer).await?);
+        }
+        let begun = Instant::now();
+        let read = timeout(self.pace.left(), self.stream.read_buf(&mut self.buffer)).await;
+        let bytes = read.map_err(|_| Fault::Slow(self.min_bytes_per_second))??;
+        self.pace.moved(begun.elapsed(), bytes);
+        Ok(bytes)
     }
 
     /// Sends one PDU.

@@ -20,6 +20,12 @@ pub enum Fault {
     /// Nothing (or not a whole PDU) arrived in time.
     #[error("no whole PDU arrived within {} s", .0.as_secs_f32())]
     Idle(Duration),
+    /// The peer sends a message too slowly.
+    #[error("the peer sent less than {0} bytes a second (dimse.min_bytes_per_second)")]
+    Slow(u64),
+    /// Others need the connection, on which no association request came yet.
+    #[error("closed for others: too many connections wait without an association request")]
+    Crowded,
     /// The peer did not take what we sent in time.
     #[error("the peer did not take a PDU of ours within {} s", .0.as_secs_f32())]
     Stalled(Duration),
@@ -49,9 +55,9 @@ impl Fault {
     /// What the A-ABORT to the peer says; nothing where there is nobody to tell.
     pub(crate) fn abort(&self) -> Option<AbortRQSource> {
         match self {
-            Self::Closed | Self::Lost(_) | Self::Aborted => None,
+            Self::Closed | Self::Lost(_) | Self::Aborted | Self::Crowded => None,
             Self::Protocol { reason, .. } => Some(AbortRQSource::ServiceProvider(reason.clone())),
-            Self::Idle(_) | Self::Stalled(_) | Self::Message(_) | Self::ShuttingDown => {
+            Self::Idle(_) | Self::Slow(_) | Self::Stalled(_) | Self::Message(_) | Self::ShuttingDown => {
                 Some(AbortRQSource::ServiceUser)
             }
         }
@@ -74,6 +80,8 @@ impl Fault {
             Self::Lost(_) => "lost",
             Self::Aborted => "aborted_by_peer",
             Self::Idle(_) => "idle",
+            Self::Slow(_) => "slow",
+            Self::Crowded => "crowded",
             Self::Stalled(_) => "stalled",
             Self::Protocol { .. } => "protocol_error",
             Self::Message(_) => "message_error",

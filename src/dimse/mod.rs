@@ -5,7 +5,6 @@
 //! | file | what it knows |
 //! |---|---|
 //! | `server` | the listener, one task a connection, the shutdown |
-//! | `admission` | limits on associations, in all and per address |
 //! | `connection` | PDUs over TCP, bounded in size and time |
 //! | `negotiation`, `rejection` | which associations and presentation contexts we accept |
 //! | `pdata`, `channel`, `command` | fragments ↔ messages |
@@ -19,7 +18,6 @@
 //! association is not used: it buffers by the claimed length, takes the transfer syntax that the
 //! *client* prefers, and has neither limits nor the timeouts that a service needs.
 
-mod admission;
 mod association;
 mod channel;
 mod command;

@@ -4,20 +4,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::TcpListener;
-use tokio::sync::Semaphore;
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
-use super::admission::Admission;
 use super::association;
 use super::stop::Stop;
 use crate::config;
+use crate::crowd::{Connections, Limits, Peer, Places};
 use crate::intake::Intake;
 use crate::telemetry::Metrics;
-
-/// Connections beyond the limits that are told so at a time; further ones are just closed.
-const MAX_REFUSALS: usize = 16;
 
 /// At shutdown, the time for messages on their way to be finished and answered.
 const GRACE: Duration = Duration::from_secs(10);
@@ -28,11 +24,16 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
 /// What all associations share.
 pub(crate) struct Shared {
     pub(crate) config: config::Dimse,
+    /// Places of associations, from the request to the connection's end.
+    pub(crate) associations: Arc<Places>,
     pub(crate) intake: Intake,
     pub(crate) metrics: Arc<Metrics>,
 }
 
 /// Serves DICOM associations on `listener` until `shutdown`: Verification and Storage as SCP.
+///
+/// A connection takes a place of an association only when its request was read. Before that it
+/// waits among others, of which the oldest make room when there are too many.
 ///
 /// At shutdown no further association is accepted, those that wait for a message are aborted, and
 /// those within a message may finish it for a moment. Returns when all have ended.
@@ -43,9 +44,18 @@ pub async fn serve(
     metrics: Arc<Metrics>,
     shutdown: CancellationToken,
 ) {
-    let admission = Admission::new(config.max_associations, config.max_associations_per_peer);
-    let refusals = Arc::new(Semaphore::new(MAX_REFUSALS));
-    let shared = Arc::new(Shared { config, intake, metrics });
+    let waiting = Connections::new(Limits {
+        max: config.max_waiting,
+        max_per_peer: config.max_waiting_per_peer,
+        names: ["dimse.max_waiting", "dimse.max_waiting_per_peer"],
+        patience: config.association_timeout,
+    });
+    let associations = Places::new(
+        config.max_associations,
+        config.max_associations_per_peer,
+        ["dimse.max_associations", "dimse.max_associations_per_peer"],
+    );
+    let shared = Arc::new(Shared { config, associations, intake, metrics });
     let stop = Stop { soon: shutdown.clone(), now: CancellationToken::new() };
     let tasks = TaskTracker::new();
     loop {
@@ -62,22 +72,14 @@ pub async fn serve(
                 continue;
             }
         };
-        let slot = admission.admit(peer.ip());
-        let refusal = match &slot {
-            Ok(_) => None,
-            Err(limit) => match Arc::clone(&refusals).try_acquire_owned() {
-                Ok(permit) => Some(permit),
-                Err(_) => {
-                    tracing::warn!(%peer, limit = limit.0, "too many connections, closed");
-                    continue;
-                }
-            },
+        let place = match waiting.admit(Peer::from(peer.ip()), false) {
+            Ok(place) => place,
+            Err(limit) => {
+                tracing::warn!(%peer, limit = limit.0, "too many connections, closed");
+                continue;
+            }
         };
-        let (shared, stop) = (Arc::clone(&shared), stop.clone());
-        tasks.spawn(async move {
-            association::serve(stream, peer, slot, shared, stop).await;
-            drop(refusal);
-        });
+        tasks.spawn(association::serve(stream, peer, place, Arc::clone(&shared), stop.clone()));
     }
     drop(listener);
     tasks.close();

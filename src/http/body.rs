@@ -1,13 +1,16 @@
 //! The body of a request, chunk by chunk: never whole in memory (but for small JSON), never more
 //! than its limit, and it must make progress.
 
-use std::time::Duration;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use axum::body::{Body, BodyDataStream};
 use bytes::{Bytes, BytesMut};
 use futures_util::StreamExt;
 
+use super::upload::Upload;
 use crate::config::Http;
+use crate::crowd::Pace;
 use crate::error::{Error, Result};
 
 /// After a refusal, what may still come of the body and for how long we take it, so that the
@@ -22,6 +25,8 @@ pub(super) struct Incoming {
     limit_bytes: u64,
     setting: &'static str,
     idle_timeout: Duration,
+    pace: Pace,
+    upload: Option<Arc<Upload>>,
     /// Nothing more is to be waited for: the client is slow or gone.
     over: bool,
 }
@@ -35,15 +40,18 @@ impl Incoming {
             limit_bytes: settings.max_body_bytes,
             setting: "http.max_body_bytes",
             idle_timeout: settings.idle_timeout,
+            pace: Pace::new(settings.min_bytes_per_second, settings.rate_grace),
+            upload: None,
             over: false,
         }
     }
 
     /// A body of up to `http.max_upload_bytes`.
-    pub(super) fn upload(body: Body, settings: &Http) -> Self {
+    pub(super) fn upload(body: Body, settings: &Http, upload: Arc<Upload>) -> Self {
         Self {
             limit_bytes: settings.max_upload_bytes,
             setting: "http.max_upload_bytes",
+            upload: Some(upload),
             ..Self::json(body, settings)
         }
     }
@@ -51,21 +59,44 @@ impl Incoming {
     /// The next bytes; `None` at the end.
     ///
     /// # Errors
-    /// [`Error::RequestTimeout`] if none come for `http.idle_timeout`, [`Error::TooLarge`] beyond
-    /// the limit, [`Error::MalformedUpload`] if the connection ends before the body does.
+    /// [`Error::RequestTimeout`] if none come for `http.idle_timeout`, if they come too slowly, or if
+    /// the upload has lost its place; [`Error::TooLarge`] beyond the limit, [`Error::MalformedUpload`] if the connection ends before the body does.
     pub(super) async fn chunk(&mut self) -> Result<Option<Bytes>> {
-        let chunk = match tokio::time::timeout(self.idle_timeout, self.stream.next()).await {
+        let begun = Instant::now();
+        let limit = self.idle_timeout.min(self.pace.left());
+        let upload = self.upload.clone();
+        let displaced = async {
+            match &upload {
+                Some(upload) => upload.displaced().await,
+                None => std::future::pending().await,
+            }
+        };
+        let next = tokio::time::timeout(limit, self.stream.next());
+        let next = tokio::select! {
+            next = next => next.map_err(|_| ()),
+            () = displaced => Err(()),
+        };
+        let chunk = match next {
             Ok(Some(Ok(chunk))) => chunk,
-            Ok(None) => return Ok(None),
+            Ok(None) => {
+                if let Some(upload) = &upload {
+                    upload.whole();
+                }
+                return Ok(None);
+            }
             Ok(Some(Err(cause))) => {
                 self.over = true;
                 return Err(Error::MalformedUpload(format!("the body broke off: {cause}")));
             }
-            Err(_elapsed) => {
+            Err(()) => {
                 self.over = true;
                 return Err(Error::RequestTimeout);
             }
         };
+        self.pace.moved(begun.elapsed(), chunk.len());
+        if let Some(upload) = &upload {
+            upload.received(chunk.len());
+        }
         self.received = self.received.saturating_add(chunk.len() as u64);
         if self.received > self.limit_bytes {
             return Err(Error::TooLarge { limit_bytes: self.limit_bytes, setting: self.setting });

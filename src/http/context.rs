@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
 use super::host::Hosts;
+use super::upload::Uploads;
 use super::volumes::Volumes;
 use crate::config::Config;
+use crate::crowd::Places;
 use crate::intake::Intake;
 use crate::jobs::Jobs;
 use crate::memory::Memory;
@@ -37,8 +38,10 @@ pub(super) struct Context {
     pub(super) jobs: Jobs,
     pub(super) config: Arc<Config>,
     pub(super) metrics: Arc<Metrics>,
-    /// One permit for each upload that may be received at a time.
-    pub(super) uploads: Arc<Semaphore>,
+    /// Places of the uploads that may be received at a time.
+    pub(super) uploads: Arc<Uploads>,
+    /// Places of streams of events.
+    pub(super) streams: Arc<Places>,
     /// The host names that are answered.
     pub(super) hosts: Arc<Hosts>,
     /// Volumes for slice pictures.
@@ -52,7 +55,15 @@ pub(super) struct Context {
 impl Context {
     pub(super) fn new(state: AppState, shutdown: CancellationToken) -> Self {
         let AppState { store, intake, jobs, config, metrics } = state;
-        let uploads = Arc::new(Semaphore::new(config.http.max_uploads));
+        let uploads = Uploads::new(&config.http);
+        let streams = Places::new(
+            config.http.max_event_streams,
+            config.http.max_event_streams_per_address,
+            [
+                "as many streams of events as http.max_event_streams allows are open",
+                "as many streams of events as http.max_event_streams_per_address allows are open",
+            ],
+        );
         let hosts = Arc::new(Hosts::new(&config.http));
         if hosts.is_loopback_alone() && !config.http.listen.ip().is_loopback() {
             tracing::warn!(
@@ -62,6 +73,6 @@ impl Context {
         }
         let volumes = Arc::new(Volumes::new(store.clone(), &config, jobs.threads()));
         let memory = jobs.memory();
-        Self { store, intake, jobs, config, metrics, uploads, hosts, volumes, memory, shutdown }
+        Self { store, intake, jobs, config, metrics, uploads, streams, hosts, volumes, memory, shutdown }
     }
 }

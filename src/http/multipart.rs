@@ -207,14 +207,21 @@ mod tests {
     use axum::body::Body;
     use futures_util::stream;
 
+    use std::net::IpAddr;
+
     use super::*;
+    use crate::crowd::Peer;
+    use crate::http::upload::Uploads;
     use crate::config::Config;
 
     /// The parts of `body` when it arrives in pieces of `size` bytes.
     async fn parts(content_type: &str, body: &[u8], size: usize) -> Result<Vec<(PartHeaders, Vec<u8>)>> {
         let pieces: Vec<_> =
             body.chunks(size).map(|piece| Ok::<_, std::io::Error>(Bytes::copy_from_slice(piece))).collect();
-        let incoming = Incoming::upload(Body::from_stream(stream::iter(pieces)), &Config::defaults().http);
+        let settings = Config::defaults().http;
+        let place = Uploads::new(&settings).take(Peer::from(IpAddr::from([127, 0, 0, 1]))).unwrap();
+        let body = Body::from_stream(stream::iter(pieces));
+        let incoming = Incoming::upload(body, &settings, place.upload().clone());
         let mut multipart = Multipart::new(incoming, &MediaType::parse(content_type).unwrap())?;
         let mut parts = Vec::new();
         while let Some(headers) = multipart.next_part().await? {

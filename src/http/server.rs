@@ -1,31 +1,30 @@
 //! The listener: connections, their limits and timeouts, and how they end.
 
+use std::net::IpAddr;
 use std::time::Duration;
 
-use axum::Router;
 use hyper::server::conn::http1;
+use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::service::TowerToHyperService;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
-use super::problem::{MEDIA_TYPE, Problem};
+use super::door::{Arrival, Door};
 use super::timed_io::TimedIo;
 use super::{AppState, router};
 use crate::config;
-use crate::error::{Error, Result};
+use crate::crowd::{Connections, Limits, Pace, Peer, Place};
+use crate::error::Result;
 
 /// Requests that run at shutdown may end within this time.
 const GRACE: Duration = Duration::from_secs(10);
-/// A connection beyond the limit is told so within this time, or not at all.
-const REFUSAL: Duration = Duration::from_secs(1);
-/// Connections beyond the limit that are told so at a time; more are closed without a word.
-const REFUSALS: usize = 16;
-/// Of a refused request, so much is taken and dropped.
-const REFUSED_BYTES: u64 = 64 * 1024;
+/// Connections beyond the limits, in all and of one peer, on which probes are answered and others
+/// are told so; the oldest make room for new ones.
+const RESERVE: usize = 32;
+const RESERVE_OF_PEER: usize = 8;
+/// A request on one of them must come within this time.
+const RESERVE_PATIENCE: Duration = Duration::from_secs(2);
 /// Wait before the next accept when the system has no file descriptor left.
 const ACCEPT_BACKOFF: Duration = Duration::from_millis(100);
 
@@ -35,15 +34,26 @@ const ACCEPT_BACKOFF: Duration = Duration::from_millis(100);
 /// None at present: a connection's fault ends that connection alone.
 pub async fn serve(listener: TcpListener, state: AppState, shutdown: CancellationToken) -> Result<()> {
     let settings = state.config.http.clone();
-    let connections = std::sync::Arc::new(Semaphore::new(settings.max_connections));
-    let refusals = std::sync::Arc::new(Semaphore::new(REFUSALS));
-    let service = router::router(state, shutdown.clone());
+    let names = ["http.max_connections", "http.max_connections_per_address"];
+    let connections = Connections::new(Limits {
+        max: settings.max_connections,
+        max_per_peer: settings.max_connections_per_address,
+        names,
+        patience: settings.idle_timeout,
+    });
+    let reserve = Connections::new(Limits {
+        max: RESERVE,
+        max_per_peer: RESERVE_OF_PEER,
+        names,
+        patience: RESERVE_PATIENCE.min(settings.idle_timeout),
+    });
+    let door = Door::new(router::router(state, shutdown.clone()), &settings);
     let tasks = TaskTracker::new();
     loop {
-        let stream = tokio::select! {
+        let (stream, address) = tokio::select! {
             () = shutdown.cancelled() => break,
             accepted = listener.accept() => match accepted {
-                Ok((stream, _)) => stream,
+                Ok((stream, peer)) => (stream, peer.ip().to_canonical()),
                 Err(cause) => {
                     tracing::warn!(error = %cause, "a connection can't be accepted");
                     tokio::time::sleep(ACCEPT_BACKOFF).await;
@@ -51,13 +61,20 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: Cancellatio
                 }
             },
         };
-        if let Ok(permit) = connections.clone().try_acquire_owned() {
-            let connection = connection(stream, service.clone(), settings.clone(), shutdown.clone(), permit);
-            tasks.spawn(connection);
-        } else if let Ok(permit) = refusals.clone().try_acquire_owned() {
-            tracing::warn!(limit = settings.max_connections, "http.max_connections is reached");
-            tasks.spawn(refuse(stream, permit));
-        }
+        let peer = Peer::from(address);
+        let (place, probes_alone) = match connections.admit(peer, door.is_proxy(address)) {
+            Ok(place) => (place, false),
+            Err(limit) => match reserve.admit(peer, false) {
+                Ok(place) => {
+                    tracing::debug!(limit = limit.0, "a limit of connections is reached");
+                    (place, true)
+                }
+                // All of the reserve is at work on its one request: there is nobody to tell.
+                Err(_) => continue,
+            },
+        };
+        let accepted = Accepted { stream, address, place, probes_alone };
+        tasks.spawn(connection(accepted, door.clone(), settings.clone(), shutdown.clone()));
     }
     drop(listener);
     tasks.close();
@@ -67,25 +84,35 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: Cancellatio
     Ok(())
 }
 
-async fn connection(
+struct Accepted {
     stream: TcpStream,
-    service: Router,
-    settings: config::Http,
-    shutdown: CancellationToken,
-    permit: OwnedSemaphorePermit,
-) {
+    address: IpAddr,
+    place: Place,
+    probes_alone: bool,
+}
+
+async fn connection(accepted: Accepted, door: Door, settings: config::Http, shutdown: CancellationToken) {
+    let Accepted { stream, address, place, probes_alone } = accepted;
     if let Err(cause) = stream.set_nodelay(true) {
         tracing::debug!(error = %cause, "TCP_NODELAY can't be set");
     }
-    let io = TokioIo::new(TimedIo::new(stream, settings.idle_timeout));
+    let arrival = Arrival { address, connection: place.member().clone(), probes_alone };
+    let pace = Pace::new(settings.min_bytes_per_second, settings.rate_grace);
+    let io = TokioIo::new(TimedIo::new(stream, settings.idle_timeout, pace, place.member().clone()));
+    let service = service_fn(move |request| door.clone().enter(arrival.clone(), request));
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
+        .keep_alive(!probes_alone)
         // From the connection's begin, or the last answer's end, to the end of the next head.
-        .header_read_timeout(settings.idle_timeout)
-        .serve_connection(io, TowerToHyperService::new(service));
+        .header_read_timeout(place.patience())
+        .serve_connection(io, service);
     let mut connection = std::pin::pin!(connection);
     let ended = tokio::select! {
         ended = connection.as_mut() => ended,
+        () = place.closed() => {
+            tracing::debug!("a connection that waited for a request was closed for others");
+            return;
+        }
         () = shutdown.cancelled() => {
             connection.as_mut().graceful_shutdown();
             connection.await
@@ -94,26 +121,4 @@ async fn connection(
     if let Err(cause) = ended {
         tracing::debug!(error = %cause, "a connection ended early");
     }
-    drop(permit);
-}
-
-/// Answers 503 without reading the request.
-async fn refuse(mut stream: TcpStream, permit: OwnedSemaphorePermit) {
-    let problem = Problem::of(&Error::Busy("http.max_connections is reached"));
-    let body = serde_json::to_string(&problem).unwrap_or_default();
-    let answer = format!(
-        "HTTP/1.1 503 Service Unavailable\r\ncontent-type: {MEDIA_TYPE}\r\ncontent-length: {}\r\n\
-         retry-after: 5\r\nconnection: close\r\n\r\n{body}",
-        body.len()
-    );
-    let told = async {
-        stream.write_all(answer.as_bytes()).await?;
-        stream.shutdown().await?;
-        // Closing with unread bytes would reset the connection before the answer is read.
-        tokio::io::copy(&mut stream.take(REFUSED_BYTES), &mut tokio::io::sink()).await
-    };
-    if tokio::time::timeout(REFUSAL, told).await.is_err() {
-        tracing::debug!("a connection beyond the limit did not take its refusal");
-    }
-    drop(permit);
 }

@@ -1,9 +1,10 @@
 //! A connection whose writes must make progress: a peer that asks for a cloud and then does not
-//! read it holds its connection for `http.idle_timeout` and no longer.
+//! read it, or reads it byte by byte, does not hold its connection.
 
 use std::future::Future;
 use std::io;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
@@ -11,28 +12,48 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::{Instant, Sleep};
 
-/// A TCP connection with a limit on how long one write may wait.
+use crate::crowd::{Busy, Member, Pace};
+
+/// A TCP connection with a limit on how long one write may wait, and on how slow all of them may be.
 pub(super) struct TimedIo {
     stream: TcpStream,
     limit: Duration,
-    /// When the write that waits now has waited too long.
-    waiting: Option<Pin<Box<Sleep>>>,
+    pace: Pace,
+    member: Arc<Member>,
+    /// The write that waits now.
+    waiting: Option<Waiting>,
+}
+
+struct Waiting {
+    since: Instant,
+    /// When it has waited too long.
+    end: Pin<Box<Sleep>>,
+    /// What is not sent yet must not be lost to somebody who needs the connection.
+    _busy: Busy,
 }
 
 impl TimedIo {
-    pub(super) fn new(stream: TcpStream, limit: Duration) -> Self {
-        Self { stream, limit, waiting: None }
+    pub(super) fn new(stream: TcpStream, limit: Duration, pace: Pace, member: Arc<Member>) -> Self {
+        Self { stream, limit, pace, member, waiting: None }
     }
 
-    fn timed<T>(&mut self, cx: &mut Context<'_>, write: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
-        if write.is_ready() {
-            self.waiting = None;
-            return write;
+    fn timed<T>(
+        &mut self,
+        cx: &mut Context<'_>,
+        write: Poll<io::Result<T>>,
+        bytes: impl FnOnce(&T) -> usize,
+    ) -> Poll<io::Result<T>> {
+        if let Poll::Ready(result) = write {
+            let waited = self.waiting.take().map_or(Duration::ZERO, |waiting| waiting.since.elapsed());
+            self.pace.moved(waited, result.as_ref().map_or(0, bytes));
+            return Poll::Ready(result);
         }
-        let limit = self.limit;
-        let sleep =
-            self.waiting.get_or_insert_with(|| Box::pin(tokio::time::sleep_until(Instant::now() + limit)));
-        match sleep.as_mut().poll(cx) {
+        let (limit, member) = (self.limit.min(self.pace.left()), &self.member);
+        let waiting = self.waiting.get_or_insert_with(|| {
+            let since = Instant::now();
+            Waiting { since, end: Box::pin(tokio::time::sleep_until(since + limit)), _busy: member.work() }
+        });
+        match waiting.end.as_mut().poll(cx) {
             Poll::Ready(()) => Poll::Ready(Err(io::ErrorKind::TimedOut.into())),
             Poll::Pending => Poll::Pending,
         }
@@ -52,7 +73,7 @@ impl AsyncRead for TimedIo {
 impl AsyncWrite for TimedIo {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         let write = Pin::new(&mut self.stream).poll_write(cx, bytes);
-        self.timed(cx, write)
+        self.timed(cx, write, |written| *written)
     }
     fn poll_write_vectored(
         mut self: Pin<&mut Self>,
@@ -60,14 +81,14 @@ impl AsyncWrite for TimedIo {
         buffers: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
         let write = Pin::new(&mut self.stream).poll_write_vectored(cx, buffers);
-        self.timed(cx, write)
+        self.timed(cx, write, |written| *written)
     }
     fn is_write_vectored(&self) -> bool {
         self.stream.is_write_vectored()
     }
     fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         let flush = Pin::new(&mut self.stream).poll_flush(cx);
-        self.timed(cx, flush)
+        self.timed(cx, flush, |()| 0)
     }
     fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         Pin::new(&mut self.stream).poll_shutdown(cx)

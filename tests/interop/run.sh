@@ -37,6 +37,7 @@ fi
 
 run "DICOM peers" "$here/peers.sh" "$triplanar" "$shared"
 run "JPEG Lossless against its encoder, pylibjpeg and GDCM" "$here/jpeg_lossless.sh" "$triplanar"
+run "a crowd" python3 "$here/crowd.py" "$triplanar"
 run "the API against its description" "$here/api.sh" "$triplanar"
 run "point-cloud tools" "$here/clouds.sh" "$triplanar"
 run "CloudCompare's registration" "$here/evaluate.sh" "$triplanar"

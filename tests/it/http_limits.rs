@@ -71,29 +71,6 @@ async fn a_body_that_breaks_off_stores_nothing() {
 }
 
 #[tokio::test]
-async fn a_connection_beyond_the_limit_is_told_so() {
-    let server = Server::with(|config| config.http.max_connections = 2).await;
-    let mut held = Vec::new();
-    for _ in 0..2 {
-        let mut stream = TcpStream::connect(server.address).await.unwrap();
-        stream.write_all(b"GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n").await.unwrap();
-        let mut first = [0; 12];
-        stream.read_exact(&mut first).await.unwrap();
-        assert_eq!(&first, b"HTTP/1.1 200");
-        held.push(stream);
-    }
-    let answer = raw(&server, b"GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n").await;
-    assert!(answer.starts_with("HTTP/1.1 503 ") && answer.contains("urn:triplanar:problem:busy"), "{answer}");
-    drop(held);
-    while !raw(&server, b"GET /healthz HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n")
-        .await
-        .starts_with("HTTP/1.1 200")
-    {
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
-}
-
-#[tokio::test]
 async fn a_stop_lets_a_request_that_runs_end() {
     let mut server = Server::start().await;
     let archive = zip_of(1, 3);

@@ -3,6 +3,7 @@
 use std::convert::Infallible;
 use std::time::Duration;
 
+use axum::Extension;
 use axum::extract::State;
 use axum::response::sse::{Event as Message, KeepAlive, Sse};
 use futures_util::Stream;
@@ -10,8 +11,10 @@ use futures_util::stream;
 use tokio::sync::broadcast::{self, error::RecvError};
 
 use super::reconstruction_record;
-use crate::error::Result;
+use crate::crowd::{Apart, LimitReached, Slot};
+use crate::error::{Error, Result};
 use crate::http::Context;
+use crate::http::client::Client;
 use crate::http::extract::ReconstructionPath;
 use crate::http::views::ReconstructionView;
 use crate::jobs::Event;
@@ -36,6 +39,8 @@ struct Watching {
     id: ReconstructionId,
     events: broadcast::Receiver<Event>,
     step: Step,
+    _slot: Slot,
+    _apart: Apart,
 }
 
 /// One event of the stream.
@@ -67,11 +72,15 @@ pub(in crate::http) struct EventMessage {
 pub(in crate::http) async fn reconstruction_events(
     State(context): State<Context>,
     ReconstructionPath(id): ReconstructionPath,
+    Extension(client): Extension<Client>,
 ) -> Result<Sse<impl Stream<Item = Result<Message, Infallible>>>> {
     // First subscribe, then read: so no change falls in between.
     let events = context.jobs.subscribe(id);
     let record = reconstruction_record(&context, id).await?;
-    let watching = Watching { context, id, events, step: Step::Tell(Box::new(record)) };
+    let slot = context.streams.take(client.peer).map_err(|LimitReached(limit)| Error::Busy(limit))?;
+    // The stream has a limit of its own; it takes no place of other requests.
+    let apart = client.connection.stand_apart();
+    let watching = Watching { context, id, events, step: Step::Tell(Box::new(record)), _slot: slot, _apart: apart };
     let messages = stream::unfold(watching, |mut watching| async move {
         let message = watching.next().await?;
         Some((Ok(message), watching))

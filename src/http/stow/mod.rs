@@ -3,6 +3,7 @@
 
 mod response;
 
+use axum::Extension;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
@@ -11,6 +12,7 @@ use bytes::{Bytes, BytesMut};
 
 use super::Context;
 use super::body::Incoming;
+use super::client::Client;
 use super::extract::StudyPath;
 use super::identity::Identity;
 use super::media_type::{MediaType, negotiate};
@@ -53,10 +55,11 @@ const HEAD: usize = 2048;
 )]
 pub(super) async fn store_instances(
     State(context): State<Context>,
+    Extension(client): Extension<Client>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response> {
-    store(&context, None, &headers, body).await
+    store(&context, &client, None, &headers, body).await
 }
 
 /// Store instances of one study (STOW-RS)
@@ -88,10 +91,11 @@ pub(super) async fn store_instances(
 pub(super) async fn store_instances_of_study(
     State(context): State<Context>,
     StudyPath(study): StudyPath,
+    Extension(client): Extension<Client>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response> {
-    store(&context, Some(study), &headers, body).await
+    store(&context, &client, Some(study), &headers, body).await
 }
 
 /// What is stored of one request.
@@ -104,6 +108,7 @@ struct Storing {
 
 async fn store(
     context: &Context,
+    client: &Client,
     study: Option<StudyInstanceUid>,
     headers: &HeaderMap,
     body: Body,
@@ -113,7 +118,7 @@ async fn store(
         return Err(Error::NotAcceptable(DICOM_JSON));
     }
     let media_type = MediaType::of_request(headers).unwrap_or_else(MediaType::unknown);
-    let (mut incoming, _permit) = admit(context, headers, body)?;
+    let (mut incoming, _permit) = admit(context, client, headers, body)?;
     let session = Session::new(context.intake.clone(), study);
     let mut storing = Storing { session, budget: Budget::new(&context.config.http), identities: Vec::new() };
     match media_type.essence() {

@@ -4,10 +4,12 @@
 mod answer;
 mod archive;
 mod budget;
+mod places;
 mod receive;
 mod session;
 mod sniff;
 
+use axum::Extension;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
@@ -17,6 +19,7 @@ use serde::Deserialize;
 
 use super::Context;
 use super::body::Incoming;
+use super::client::Client;
 use super::extract::Parameters;
 use super::media_type::MediaType;
 use super::multipart::Multipart;
@@ -30,6 +33,7 @@ pub use answer::{Refusal, Skipped};
 pub(super) use answer::{UploadAnswer, UploadedSeries};
 pub use archive::SkipReason;
 pub(super) use budget::Budget;
+pub(super) use places::{Upload, UploadPlace, Uploads};
 use receive::Received;
 pub(super) use session::{Arriving, Finished, Outcome, Session};
 
@@ -97,6 +101,7 @@ pub(super) struct UploadQuery {
 pub(super) async fn upload_series(
     State(context): State<Context>,
     Parameters(query): Parameters<UploadQuery>,
+    Extension(client): Extension<Client>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response> {
@@ -106,7 +111,7 @@ pub(super) async fn upload_series(
     }
     let media_type = MediaType::of_request(&headers);
     let essence = media_type.as_ref().map(|it| it.essence().to_owned());
-    let (incoming, _permit) = admit(&context, &headers, body)?;
+    let (incoming, _permit) = admit(&context, &client, &headers, body)?;
     let received = match (essence.as_deref(), media_type) {
         (Some("multipart/form-data"), Some(media_type)) => {
             receive::form(&context, Multipart::new(incoming, &media_type)?).await?
@@ -136,15 +141,12 @@ pub(super) struct UploadForm {
 /// Lets an upload in if there is room for it.
 pub(super) fn admit(
     context: &Context,
+    client: &Client,
     headers: &HeaderMap,
     body: Body,
-) -> Result<(Incoming, tokio::sync::OwnedSemaphorePermit)> {
+) -> Result<(Incoming, UploadPlace)> {
     let settings = &context.config.http;
-    let permit = context
-        .uploads
-        .clone()
-        .try_acquire_owned()
-        .map_err(|_| Error::Busy("as many uploads as http.max_uploads allows are being received"))?;
+    let place = context.uploads.take(client.peer)?;
     let announced = headers.get(CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
     if announced.is_some_and(|length| length > settings.max_upload_bytes) {
         return Err(Error::TooLarge {
@@ -152,7 +154,7 @@ pub(super) fn admit(
             setting: "http.max_upload_bytes",
         });
     }
-    Ok((Incoming::upload(body, settings), permit))
+    Ok((Incoming::upload(body, settings, place.upload().clone()), place))
 }
 
 /// Ends the upload: completes its series, and tells what is there now.

@@ -1,0 +1,24 @@
+//! Nobody locks others out: who counts as one peer, how many connections and places one and all
+//! may have, which connection goes first when there are too many, and how slow one may be.
+//!
+//! | file | what |
+//! |---|---|
+//! | `peer`, `network` | addresses that count as one, and ranges of them |
+//! | `connections` | connections that wait or work; the oldest that wait make room for new ones |
+//! | `places` | places that are taken and given back: associations, streams, requests |
+//! | `pace` | the least rate at which bytes must move |
+//! | `descriptors` | file descriptors for all of it |
+
+mod connections;
+mod descriptors;
+mod network;
+mod pace;
+mod peer;
+mod places;
+
+pub(crate) use connections::{Apart, Busy, Connections, Limits, Member, Place};
+pub(crate) use descriptors::fit;
+pub use network::Network;
+pub(crate) use pace::Pace;
+pub(crate) use peer::Peer;
+pub(crate) use places::{LimitReached, Places, Slot};
