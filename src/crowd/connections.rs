@@ -88,7 +88,9 @@ impl Connections {
         if patience < self.limits.patience {
             self.tell();
             let late = |member: &Member| {
-                member.waits() && !member.shared && u128::from(now.saturating_sub(member.since())) > patience.as_millis()
+                member.waits()
+                    && !member.shared
+                    && u128::from(now.saturating_sub(member.since())) > patience.as_millis()
             };
             let ids: Vec<_> = members.iter().filter(|(_, it)| late(it)).map(|(id, _)| *id).collect();
             ids.into_iter().for_each(|id| close(&mut members, id));
@@ -125,7 +127,8 @@ impl Connections {
             *of_peer.entry(member.peer).or_default() += 1;
         }
         let waiting = members.iter().filter(|(_, it)| it.waits());
-        let rank = |member: &Member| (member.shared, std::cmp::Reverse(of_peer[&member.peer]), member.since());
+        let rank =
+            |member: &Member| (member.shared, std::cmp::Reverse(of_peer[&member.peer]), member.since());
         waiting.min_by_key(|(id, it)| (rank(it), **id)).map(|(id, _)| *id)
     }
 
@@ -148,7 +151,11 @@ impl Connections {
         if told == 0 || u128::from(now - told.min(now)) > TOLD_EVERY.as_millis() {
             self.told.store(now, Ordering::Relaxed);
             let [setting, _] = self.limits.names;
-            tracing::warn!(limit = setting, max = self.limits.max, "a crowd: connections that wait are closed early");
+            tracing::warn!(
+                limit = setting,
+                max = self.limits.max,
+                "a crowd: connections that wait are closed early"
+            );
         }
     }
 }

@@ -64,9 +64,8 @@ mod tests {
 
     #[test]
     fn a_range_holds_what_shares_its_leading_bits() {
-        let holds = |range: &str, address: &str| {
-            range.parse::<Network>().unwrap().contains(address.parse().unwrap())
-        };
+        let holds =
+            |range: &str, address: &str| range.parse::<Network>().unwrap().contains(address.parse().unwrap());
         assert!(holds("10.0.0.0/8", "10.255.1.2") && !holds("10.0.0.0/8", "11.0.0.0"));
         assert!(holds("10.1.2.3", "::ffff:10.1.2.3") && !holds("10.1.2.3", "10.1.2.4"));
         assert!(holds("fd00::/8", "fd12::1") && !holds("fd00::/8", "fe00::1"));

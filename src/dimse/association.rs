@@ -114,7 +114,11 @@ async fn begin(
 }
 
 /// The association request, whatever else comes first.
-async fn request(connection: &mut Connection, patience: Duration, stop: &Stop) -> Result<AssociationRQ, Fault> {
+async fn request(
+    connection: &mut Connection,
+    patience: Duration,
+    stop: &Stop,
+) -> Result<AssociationRQ, Fault> {
     let received = tokio::select! {
         biased;
         () = stop.soon.cancelled() => return Err(Fault::ShuttingDown),

@@ -69,7 +69,9 @@ impl Door {
         let busy = arrival.connection.work();
         let is_probe = PROBES.contains(&request.uri().path());
         if arrival.probes_alone && !is_probe {
-            return Ok(refuse(request, "http.max_connections or max_connections_per_address is reached").await);
+            return Ok(
+                refuse(request, "http.max_connections or max_connections_per_address is reached").await
+            );
         }
         let mut slot = None;
         let peer = if self.is_proxy(arrival.address) {

@@ -210,9 +210,9 @@ mod tests {
     use std::net::IpAddr;
 
     use super::*;
+    use crate::config::Config;
     use crate::crowd::Peer;
     use crate::http::upload::Uploads;
-    use crate::config::Config;
 
     /// The parts of `body` when it arrives in pieces of `size` bytes.
     async fn parts(content_type: &str, body: &[u8], size: usize) -> Result<Vec<(PartHeaders, Vec<u8>)>> {

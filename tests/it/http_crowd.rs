@@ -76,13 +76,19 @@ async fn where_all_connections_work_probes_are_answered_and_others_are_told() {
         }
         let answer = get(&server, "/v1/series", "").await;
         assert_eq!(status(&answer), "503", "{answer}");
-        assert!(answer.contains("retry-after: 5") && answer.contains("urn:triplanar:problem:busy"), "{answer}");
+        assert!(
+            answer.contains("retry-after: 5") && answer.contains("urn:triplanar:problem:busy"),
+            "{answer}"
+        );
         for path in ["/healthz", "/readyz"] {
             assert_eq!(status(&get(&server, path, "").await), "200", "{path}");
         }
         if of_one_address {
             let mut other = connect_from(&server, 1).await;
-            other.write_all(b"GET /v1/series HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").await.unwrap();
+            other
+                .write_all(b"GET /v1/series HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n")
+                .await
+                .unwrap();
             assert_eq!(status(&rest(other).await), "200", "another address is served");
         }
         drop(held);
@@ -147,7 +153,9 @@ async fn an_answer_that_is_not_taken_ends() {
     let server = Server::with(|config| config.http.rate_grace = Duration::from_millis(300)).await;
     let mut stream = TcpStream::connect(server.address).await.unwrap();
     let (asked, request) = (300, "GET /openapi.json HTTP/1.1\r\nhost: localhost\r\n\r\n");
-    let one = exchange(server.address, request.replace("\r\n\r\n", "\r\nconnection: close\r\n\r\n").as_bytes()).await;
+    let one =
+        exchange(server.address, request.replace("\r\n\r\n", "\r\nconnection: close\r\n\r\n").as_bytes())
+            .await;
     stream.write_all(request.repeat(asked).as_bytes()).await.unwrap();
     // Once the time is over, what the system's buffers hold is all that comes.
     tokio::time::sleep(Duration::from_secs(2)).await;
@@ -164,7 +172,10 @@ async fn uploads_of_one_address_leave_places_for_others() {
     .await;
     let held = begun_upload(connect_from(&server, 1).await, "").await;
     let mut second = connect_from(&server, 1).await;
-    second.write_all(b"POST /v1/series HTTP/1.1\r\nhost: localhost\r\ncontent-length: 1\r\n\r\nx").await.unwrap();
+    second
+        .write_all(b"POST /v1/series HTTP/1.1\r\nhost: localhost\r\ncontent-length: 1\r\n\r\nx")
+        .await
+        .unwrap();
     let mut told = [0; 12];
     second.read_exact(&mut told).await.unwrap();
     assert_eq!(&told, b"HTTP/1.1 503");

@@ -80,7 +80,8 @@ pub(in crate::http) async fn reconstruction_events(
     let slot = context.streams.take(client.peer).map_err(|LimitReached(limit)| Error::Busy(limit))?;
     // The stream has a limit of its own; it takes no place of other requests.
     let apart = client.connection.stand_apart();
-    let watching = Watching { context, id, events, step: Step::Tell(Box::new(record)), _slot: slot, _apart: apart };
+    let watching =
+        Watching { context, id, events, step: Step::Tell(Box::new(record)), _slot: slot, _apart: apart };
     let messages = stream::unfold(watching, |mut watching| async move {
         let message = watching.next().await?;
         Some((Ok(message), watching))
