@@ -1,12 +1,17 @@
 //! The API's description (OpenAPI 3.1), generated from the operations. What is the same for all of
 //! them (who may, which problems any request can end in, what a problem looks like) is added here.
+//!
+//! An operation states its `operation_id` (a verb and what it acts on), one tag of [`TAGS`], a summary
+//! and a description (the first line of its doc comment, and the rest), its own answers and refusals.
+//! `tests/interop/openapi.sh` holds the description against the rules of Redocly and Spectral.
 
 use axum::http::Method;
 use utoipa::openapi::path::{HttpMethod, Operation, PathItem};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
+use utoipa::openapi::tag::TagBuilder;
 use utoipa::openapi::{
-    Components, ContentBuilder, Info, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, Ref, RefOr,
-    Response, ResponseBuilder, Responses,
+    Components, ContactBuilder, ContentBuilder, Info, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder,
+    Ref, RefOr, Response, ResponseBuilder, Responses, ServerBuilder,
 };
 use utoipa::{PartialSchema, ToSchema};
 
@@ -46,6 +51,15 @@ const PROTECTED: [(&str, &str); 2] =
 
 /// What an operation that changes something can end in.
 const FOREIGN: &str = "The token's role does not allow this, or a page of another origin asks.";
+
+/// What operations are grouped by; each has one of these.
+const TAGS: [(&str, &str); 5] = [
+    ("Series", "Sending a series, saying that it is complete, and what is there."),
+    ("Reconstructions", "Starting, watching and removing reconstructions."),
+    ("Results", "Clouds, reports and pictures."),
+    ("DICOMweb", "Storing instances by STOW-RS (PS3.18 section 10.5)."),
+    ("Operation", "Health, metrics and this description."),
+];
 
 /// How the path of the slices' pictures ends.
 const PICTURE: &str = "/slices/{plane}/{picture}";
@@ -101,8 +115,11 @@ pub(super) fn head() -> OpenApi {
         .version(env!("CARGO_PKG_VERSION"))
         .description(Some(ABOUT))
         .license(Some(license))
+        .contact(Some(ContactBuilder::new().name(Some("Whoever operates this service")).build()))
         .build();
-    OpenApiBuilder::new().info(info).build()
+    let server = ServerBuilder::new().url("/").description(Some("The service that gives this description."));
+    let tags = TAGS.map(|(name, about)| TagBuilder::new().name(name).description(Some(about)).build());
+    OpenApiBuilder::new().info(info).servers(Some([server.build()])).tags(Some(tags)).build()
 }
 
 fn operations_of(item: &mut PathItem) -> impl Iterator<Item = (Method, &mut Operation)> {
@@ -137,7 +154,10 @@ fn complete(path: &str, method: &Method, operation: &mut Operation) {
     if method != Method::GET {
         responses.entry("403".to_owned()).or_insert_with(|| described(FOREIGN));
     }
-    if access != Access::Open {
+    if access == Access::Open {
+        // Said, not left out: no token is needed.
+        operation.security = Some(Vec::new());
+    } else {
         for (status, description) in PROTECTED {
             responses.entry(status.to_owned()).or_insert_with(|| described(description));
         }
@@ -182,9 +202,17 @@ mod tests {
         for (path, mut item) in api.paths.paths {
             for (method, operation) in operations_of(&mut item) {
                 operations += 1;
-                let open = operation.security.is_none();
+                let open = operation.security.as_ref().is_some_and(Vec::is_empty);
                 assert_eq!(access(&method, &path) == Access::Open, open, "{method} {path}");
                 assert!(operation.operation_id.is_some() && operation.summary.is_some(), "{method} {path}");
+                assert!(
+                    operation.description.as_ref().is_some_and(|text| !text.is_empty()),
+                    "{method} {path}"
+                );
+                let [tag] = operation.tags.as_deref().unwrap_or_default() else {
+                    panic!("{method} {path}: one tag")
+                };
+                assert!(TAGS.iter().any(|(name, _)| name == tag), "{method} {path}: {tag} is none of TAGS");
                 for (status, response) in &operation.responses.responses {
                     let RefOr::T(response) = response else { continue };
                     if status.as_str() >= "400" {

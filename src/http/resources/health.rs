@@ -21,6 +21,8 @@ pub(in crate::http) struct Alive {
 }
 
 /// Is the process alive?
+///
+/// Answers as long as the process does; it asks nothing of catalog, disk or queue, as `/readyz` does.
 #[utoipa::path(
     get,
     path = "/healthz",
@@ -103,6 +105,8 @@ pub(in crate::http) async fn metrics(State(context): State<Context>) -> impl Int
 }
 
 /// This description
+///
+/// OpenAPI 3.1; `triplanar openapi` prints the same.
 #[utoipa::path(
     get,
     path = "/openapi.json",
