@@ -1,8 +1,10 @@
 //! `triplanar demo`: the main job, end to end, on this machine.
 
+mod results;
 mod score;
 mod summary;
 
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -20,6 +22,7 @@ use crate::reconstruction::Report;
 use crate::service::Service;
 use crate::store::{ReconstructionFilter, ReconstructionRecord, ReconstructionState};
 use crate::telemetry::init_logging;
+use results::Results;
 use score::Score;
 use summary::Summary;
 
@@ -36,6 +39,9 @@ pub(super) struct Args {
     /// End once the summary is printed, instead of serving until Ctrl-C
     #[arg(long)]
     once: bool,
+    /// Folder in which cloud, report and picture are left
+    #[arg(long, value_name = "DIR", default_value = "./triplanar-demo")]
+    output: PathBuf,
     /// Which pipeline; the default one if not given
     #[arg(long, value_parser = values::profile())]
     profile: Option<Profile>,
@@ -43,16 +49,17 @@ pub(super) struct Args {
 
 pub(super) fn run(args: Args) -> Result<(), Failed> {
     let runtime = Runtime::new().map_err(Failed::internal)?;
-    let outcome = runtime.block_on(demo(args.once, args.profile));
+    let outcome = runtime.block_on(demo(args));
     runtime.shutdown_background();
     outcome
 }
 
-async fn demo(once: bool, profile: Option<Profile>) -> Result<(), Failed> {
+async fn demo(args: Args) -> Result<(), Failed> {
+    let results = Results::new(&args.output)?;
     let mut signals = Signals::new().map_err(Failed::internal)?;
     let dir = tempfile::tempdir().map_err(Failed::internal)?;
     let mut config = settings(dir.path())?;
-    config.pipeline.profile = profile.unwrap_or(config.pipeline.profile);
+    config.pipeline.profile = args.profile.unwrap_or(config.pipeline.profile);
     init_logging(&config.log).map_err(Failed::internal)?;
     let ae_title = config.dimse.ae_title.clone();
     let service = Service::start(config).await.map_err(Failed::internal)?;
@@ -60,15 +67,16 @@ async fn demo(once: bool, profile: Option<Profile>) -> Result<(), Failed> {
     println!("  DICOM {ae_title}@{}, data in {}", service.dimse_addr(), dir.path().display());
 
     let shown = tokio::select! {
-        shown = show(&service, &ae_title) => shown,
+        shown = show(&service, &ae_title, &results) => shown,
         () = signals.next() => Err(Failed::internal("interrupted")),
     };
-    if shown.is_ok() && !once {
-        println!("\nserving until Ctrl-C");
+    if let (Ok(series), false) = (&shown, args.once) {
+        let url = format!("http://{}/v1/series/{series}", service.http_addr());
+        println!("\nthe same of the service: {url}/cloud, {url}/report\nserving until Ctrl-C");
         signals.next().await;
     }
     service.shutdown().await;
-    shown
+    shown.map(|_| ())
 }
 
 /// Compiled-in defaults on free loopback ports: no setting of this machine reaches the demo.
@@ -81,7 +89,8 @@ fn settings(dir: &std::path::Path) -> Result<Config, Failed> {
     Ok(config)
 }
 
-async fn show(service: &Service, ae_title: &str) -> Result<(), Failed> {
+/// The main job; the Series Instance UID of what was made.
+async fn show(service: &Service, ae_title: &str, results: &Results) -> Result<SeriesInstanceUid, Failed> {
     println!("making a synthetic head CT …");
     let (phantom, instances) = tokio::task::spawn_blocking(|| {
         let phantom = Phantom::new(Options::default())?;
@@ -106,8 +115,8 @@ async fn show(service: &Service, ae_title: &str) -> Result<(), Failed> {
     }
     println!("{what} {:.1} s after the last instance\n", began.elapsed().as_secs_f64());
 
-    let report = service.store().report(record.id).await.map_err(Failed::internal)?;
-    let report: Report = serde_json::from_slice(&report).map_err(Failed::internal)?;
+    let told = service.store().report(record.id).await.map_err(Failed::internal)?;
+    let report: Report = serde_json::from_slice(&told).map_err(Failed::internal)?;
     print!("{}", Summary(&report));
     let stored = service.store().cloud(record.id, None).await.map_err(Failed::internal)?;
     let (cloud, _) = ply::decode(&stored).map_err(Failed::internal)?;
@@ -120,12 +129,12 @@ async fn show(service: &Service, ae_title: &str) -> Result<(), Failed> {
         score.bias_mm,
         100.0 * score.stray
     );
-    let url = format!("http://{}/v1/series/{series}", service.http_addr());
-    println!("\ncloud   {url}/cloud\nreport  {url}/report");
+    results.write(&stored, &told, report.parameters.profile)?;
+    println!("\n{results}");
     if score.is_absurd() {
         return Err(Failed::new(Exit::Internal, "the cloud does not lie on the phantom's known skin"));
     }
-    Ok(())
+    Ok(series)
 }
 
 /// C-STORE of all instances over one association, as a PACS does it.

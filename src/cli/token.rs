@@ -3,21 +3,25 @@
 use rand::Rng as _;
 use sha2::{Digest, Sha256};
 
-use super::Failed;
+use super::{Failed, output};
 use crate::config::Role;
 
 /// Bytes of randomness in a token.
 const RANDOM_BYTES: usize = 32;
 
-/// Make a bearer token and print it with the line for the configuration
+/// Make bearer tokens: their lines for the configuration, and the tokens themselves
+///
+/// Standard output gets what is to be pasted under [http] in the configuration; the tokens, which the
+/// service can't tell again, go to standard error. Several are made by several --role, each with its
+/// --name.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// What the token allows
-    #[arg(long, value_enum)]
-    role: Role,
-    /// Whose it is; stands in the log
-    #[arg(long, default_value = "unnamed", value_parser = name)]
-    name: String,
+    /// What a token allows; once for each token
+    #[arg(long, value_enum, required = true)]
+    role: Vec<Role>,
+    /// Whose it is, in the order of the roles; stands in the log [default: the role's name]
+    #[arg(long, value_parser = name)]
+    name: Vec<String>,
 }
 
 /// The name stands inside quotes in TOML and in log lines.
@@ -30,15 +34,24 @@ fn name(text: &str) -> Result<String, &'static str> {
     }
 }
 
-pub(super) fn run(Args { role, name }: Args) -> Result<(), Failed> {
-    let mut random = [0_u8; RANDOM_BYTES];
-    rand::rng().fill_bytes(&mut random);
-    let token = hex::encode(random);
-    let digest = hex::encode(Sha256::digest(&token));
-    println!("token (shown once, keep it secret): {token}");
-    println!(
-        "line for [http] tokens: {{ name = \"{name}\", role = \"{}\", sha256 = \"{digest}\" }}",
-        role.name()
-    );
-    Ok(())
+pub(super) fn run(args: Args) -> Result<(), Failed> {
+    if args.name.len() > args.role.len() {
+        return Err(Failed::usage("there are more names than roles"));
+    }
+    let mut lines = String::from("tokens = [\n");
+    for (index, role) in args.role.iter().enumerate() {
+        let name = args.name.get(index).map_or(role.name(), String::as_str);
+        let mut random = [0_u8; RANDOM_BYTES];
+        rand::rng().fill_bytes(&mut random);
+        let token = hex::encode(random);
+        let digest = hex::encode(Sha256::digest(&token));
+        eprintln!("token of {name} (shown once, keep it secret): {token}");
+        lines.push_str(&format!(
+            "  {{ name = \"{name}\", role = \"{}\", sha256 = \"{digest}\" }},\n",
+            role.name()
+        ));
+    }
+    eprintln!("to be pasted under [http] in the configuration; of two lists make one:");
+    lines.push_str("]\n");
+    output::print(lines)
 }

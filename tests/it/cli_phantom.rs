@@ -23,15 +23,3 @@ fn a_phantom_comes_with_its_truth_and_never_overwrites() {
     let again = make();
     assert_eq!(again.status.code(), Some(2), "a folder with files in it is left alone");
 }
-
-#[test]
-fn a_token_comes_with_its_hash() {
-    use sha2::{Digest, Sha256};
-    let mut command = triplanar();
-    command.args(["token", "--role", "read", "--name", "navigation"]);
-    let text = String::from_utf8(run(command).stdout).expect("text");
-    let token = text.lines().next().and_then(|line| line.rsplit(' ').next()).expect("a token");
-    let digest = hex::encode(Sha256::digest(token));
-    assert!(token.len() >= 32 && text.contains(&digest), "{text}");
-    assert!(text.contains("{ name = \"navigation\", role = \"read\", sha256 = "), "{text}");
-}

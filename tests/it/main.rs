@@ -1,10 +1,12 @@
 //! One binary for all tests that go through the doors that users use.
 
+mod cli_demo;
 mod cli_evaluate;
 mod cli_outputs;
 mod cli_phantom;
 mod cli_reconstruct;
 mod cli_render;
+mod cli_token;
 mod cloud_ply;
 mod dicom_decode;
 mod dicom_odd_encodings;
