@@ -12,7 +12,7 @@ use crate::pipeline::Parameters;
 use crate::store::records::{CompleteReason, InstanceRecord, ReconstructionId, SeriesState, UnfitReason};
 
 /// A completion that found the queue full is tried again after this time.
-const QUEUE_FULL_RETRY_MS: i64 = 1_000;
+pub(super) const QUEUE_FULL_RETRY_MS: i64 = 1_000;
 
 /// The settings by which series are collected and completed.
 #[derive(Debug)]
