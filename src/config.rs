@@ -54,6 +54,8 @@ pub struct Storage {
     pub min_free_bytes: u64,
     pub source_retention_days: u32,
     pub result_retention_days: u32,
+    pub set_aside_days: u32,
+    pub set_aside_bytes: u64,
 }
 
 /// Section `http`.

@@ -76,6 +76,15 @@ pub enum Error {
         "the free disk space is below the configured watermark (storage.min_free_bytes); free some or add some"
     )]
     OutOfStorage,
+    /// No file can be opened any more; passes when others are closed. A700, 503.
+    #[error("too many files are open; raise the limit of open files (ulimit -n) if it comes again")]
+    OutOfDescriptors,
+    /// The system gives no memory. A700, 503.
+    #[error("the system gives no more memory; try again later")]
+    OutOfMemory,
+    /// Stored bytes are missing or are not what was received. 0110, 500.
+    #[error("{0}")]
+    StoredDamaged(String),
     /// A queue, connection or rate limit is reached; the same request may go through later. A700, 503.
     #[error("busy: {0}; try again later")]
     Busy(&'static str),
@@ -272,6 +281,13 @@ impl Error {
         }
     }
 
+    /// Whether it lies with the machine at the moment, not with the request: what was refused may go
+    /// through unchanged when there is room again.
+    #[must_use]
+    pub fn is_shortage(&self) -> bool {
+        matches!(self, Self::OutOfStorage | Self::OutOfDescriptors | Self::OutOfMemory | Self::Busy(_))
+    }
+
     /// The one table from error to DIMSE status and HTTP problem.
     #[must_use]
     pub fn mapping(&self) -> Mapping {
@@ -292,6 +308,9 @@ impl Error {
             Self::DataSetMismatch(_) => ("data-set-mismatch", "Data set mismatch", 0xA900, 422),
             Self::TooLarge { .. } => ("too-large", "Too large", 0xA700, 413),
             Self::OutOfStorage => ("out-of-storage", "Out of storage", 0xA700, 507),
+            Self::StoredDamaged(_) => ("stored-damaged", "Stored data damaged", 0x0110, 500),
+            Self::OutOfDescriptors => ("out-of-descriptors", "Out of file descriptors", 0xA700, 503),
+            Self::OutOfMemory => ("out-of-memory", "Out of memory", 0xA700, 503),
             Self::Busy(_) => ("busy", "Busy", 0xA700, 503),
             Self::ShuttingDown => ("shutting-down", "Shutting down", 0xA700, 503),
             Self::MalformedUpload(_) => ("malformed-upload", "Malformed upload", 0xC000, 400),
@@ -348,20 +367,36 @@ impl From<crate::memory::NoMemory> for Error {
 
 impl From<std::io::Error> for Error {
     fn from(error: std::io::Error) -> Self {
-        match error.kind() {
-            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => Self::OutOfStorage,
+        use std::io::ErrorKind;
+        // EMFILE and ENFILE have no kind of their own in the standard library.
+        match (error.kind(), error.raw_os_error()) {
+            (ErrorKind::StorageFull | ErrorKind::QuotaExceeded, _) => Self::OutOfStorage,
+            (_, Some(EMFILE | ENFILE)) => Self::OutOfDescriptors,
+            (ErrorKind::OutOfMemory, _) => Self::OutOfMemory,
             _ => Self::internal(error),
         }
     }
 }
+
+/// Too many open files of this process, and of the system (`errno.h` of Linux).
+const EMFILE: i32 = 24;
+const ENFILE: i32 = 23;
 
 impl From<sqlx::Error> for Error {
     fn from(error: sqlx::Error) -> Self {
         if matches!(error, sqlx::Error::PoolTimedOut) {
             return Self::Busy("the catalog has too much to do");
         }
-        // SQLITE_FULL: the catalog could not grow.
-        let full = error.as_database_error().and_then(|e| e.code()).is_some_and(|code| code == "13");
-        if full { Self::OutOfStorage } else { Self::internal(error) }
+        if let sqlx::Error::Io(cause) = error {
+            return cause.into();
+        }
+        let code = error.as_database_error().and_then(|error| error.code());
+        match code.and_then(|code| code.parse().ok()) {
+            // SQLITE_FULL, SQLITE_IOERR_SHMSIZE: the catalog, or the index of its log, could not grow.
+            Some(13 | 4874) => Self::OutOfStorage,
+            // SQLITE_NOMEM, SQLITE_IOERR_NOMEM.
+            Some(7 | 3082) => Self::OutOfMemory,
+            _ => Self::internal(error),
+        }
     }
 }

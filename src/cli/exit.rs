@@ -15,11 +15,14 @@ pub enum Exit {
     Series = 4,
     /// The cloud that was asked for has no point; there is a report.
     EmptyCloud = 5,
+    /// Files of the data directory are missing or damaged.
+    Damaged = 6,
 }
 
 impl Exit {
     /// All of them, by code.
-    const ALL: [Self; 5] = [Self::Internal, Self::Usage, Self::Input, Self::Series, Self::EmptyCloud];
+    const ALL: [Self; 6] =
+        [Self::Internal, Self::Usage, Self::Input, Self::Series, Self::EmptyCloud, Self::Damaged];
 
     /// What it means, in the table below `triplanar --help`.
     fn meaning(self) -> &'static str {
@@ -35,6 +38,7 @@ impl Exit {
                 "no skin was found (empty_cloud, no_head, …), or no point is of --plane or within \
                  --max-error-mm; the report has the reasons"
             }
+            Self::Damaged => "files of the data directory are missing or damaged (check)",
         }
     }
 }

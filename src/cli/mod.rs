@@ -1,5 +1,6 @@
 //! The command line: one file a subcommand.
 
+mod check;
 mod compare;
 mod demo;
 mod evaluate;
@@ -9,6 +10,7 @@ mod openapi;
 mod output;
 mod phantom;
 mod progress;
+mod rebuild;
 mod reconstruct;
 mod render;
 mod serve;
@@ -46,6 +48,8 @@ enum Command {
     Render(render::Args),
     Openapi(openapi::Args),
     Token(token::Args),
+    Check(check::Args),
+    Rebuild(rebuild::Args),
 }
 
 /// Reads the arguments of the process, runs the subcommand, prints what failed.
@@ -61,6 +65,8 @@ pub fn run() -> ExitCode {
         Command::Render(args) => render::run(args),
         Command::Openapi(args) => openapi::run(args),
         Command::Token(args) => token::run(args),
+        Command::Check(args) => check::run(args),
+        Command::Rebuild(args) => rebuild::run(args),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM.
+//! SIGINT and SIGTERM; SIGHUP, which does nothing.
 
 use std::io;
 
@@ -12,6 +12,15 @@ pub(super) struct Signals {
 
 impl Signals {
     pub(super) fn new() -> io::Result<Self> {
+        let mut hangup = signal(SignalKind::hangup())?;
+        // A terminal that goes away, or a rotation of logs, is no reason to stop.
+        tokio::spawn(async move {
+            while hangup.recv().await.is_some() {
+                tracing::info!(
+                    "SIGHUP: nothing to do; settings are read at start, logs go to standard error"
+                );
+            }
+        });
         Ok(Self { interrupt: signal(SignalKind::interrupt())?, terminate: signal(SignalKind::terminate())? })
     }
 

@@ -104,6 +104,7 @@ impl Volumes {
         let instances = self.store.instances_of(record).await?;
         let turn = Arc::clone(&self.reading).lock_owned().await;
         let source = self.store.instance_source(&instances);
+        let stored = source.clone();
         let (limits, place) = (self.limits.clone(), place.clone());
         // A client that goes away stops no thread: until it has ended, place and turn are taken.
         let threads = Arc::clone(&self.threads);
@@ -116,7 +117,11 @@ impl Volumes {
             Err(cause) => {
                 // It was readable once: the instances may have been removed meanwhile.
                 self.store.instances_of(record).await?;
-                Err(Error::internal(cause))
+                Err(match (stored.damage(), stored.shortage()) {
+                    (Some(damage), _) => Error::StoredDamaged(damage.to_string()),
+                    (None, Some(shortage)) => shortage,
+                    (None, None) => Error::internal(cause),
+                })
             }
         }
     }

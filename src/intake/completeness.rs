@@ -133,6 +133,7 @@ impl Intake {
             warn_of_doubt(&catalog.former_senders_ended(policy).await?, SenderEnd::ServiceStopped);
             *former_ended = true;
         }
+        catalog.follow_clock(policy).await?;
         for series in catalog.due().await? {
             if let Some(completion) = catalog.fire(&series, policy).await? {
                 self.note_completion(&series, &completion);

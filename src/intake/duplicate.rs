@@ -37,6 +37,12 @@ impl Intake {
         }
         // Both are decoded whole: one pair at a time.
         let _permit = self.shared.comparisons.acquire().await.map_err(Error::internal)?;
+        if !self.shared.store.is_whole(stored).await? {
+            return Err(Error::StoredDamaged(format!(
+                "SOP instance {uid} is stored, but its file is missing or damaged, and this is another data set: send \
+                 the one that was sent first, or remove the series and send all of it"
+            )));
+        }
         let former = self.shared.store.instance_bytes(&stored.blob).await?;
         let latter = self.shared.store.instance_bytes(&new.blob).await?;
         let limits = self.shared.scan_limits;

@@ -148,6 +148,12 @@ impl Intake {
         Self { shared: Arc::new(shared) }
     }
 
+    /// The settings by which series are collected.
+    #[cfg(test)]
+    pub(crate) fn policy(&self) -> &Policy {
+        &self.shared.policy
+    }
+
     /// From now on [`Intake::begin`] refuses with `ShuttingDown`; what has begun may end.
     pub fn shut(&self) {
         self.shared.shut.store(true, Ordering::Relaxed);

@@ -49,8 +49,13 @@ impl Intake {
         let (store, policy, sender) = (&self.shared.store, &self.shared.policy, announced.sender.id());
 
         let known = store.instance(&header.sop_instance_uid).await?;
-        if known.is_some_and(|stored| is_same_data_set(&stored, &staged)) {
-            // What is stored is durable: nothing needs to be written.
+        if let Some(stored) = known.filter(|stored| is_same_data_set(stored, &staged)) {
+            // What is stored is durable, and nothing needs to be written, if it is what was received.
+            if !store.is_whole(&stored).await? {
+                let keeper = store.clone();
+                let new = blocking(move || Ok(keeper.keep(staged)?)).await?;
+                store.replace_damaged(&new).await?;
+            }
             self.confirmed(&header, announced).await?;
             return Ok(Receipt { header, duplicate: true });
         }
@@ -81,7 +86,7 @@ impl Intake {
                 &header.transfer_syntax_uid,
             );
             reader.seek(SeekFrom::Start(data_set_offset))?;
-            Ok(store.stage(header, &file_meta, reader)?)
+            store.stage(header, &file_meta, reader)
         })
         .await
     }
@@ -89,7 +94,7 @@ impl Intake {
     /// A refusal of an instance that could be told stands in its series' reports. Passing faults
     /// of ours don't: the sender will try again.
     async fn record_refusal(&self, series: &SeriesInstanceUid, instance: &SopInstanceUid, error: &Error) {
-        if matches!(error, Error::Internal(_) | Error::OutOfStorage | Error::Busy(_) | Error::ShuttingDown) {
+        if error.is_shortage() || matches!(error, Error::Internal(_) | Error::ShuttingDown) {
             return;
         }
         let code = error.mapping().code;

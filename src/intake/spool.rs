@@ -45,9 +45,7 @@ impl Spool {
     }
 
     async fn flush(&mut self) -> Result<()> {
-        if !self.store.has_room()? {
-            return Err(Error::OutOfStorage);
-        }
+        self.store.check_room(self.pending.len() as u64)?;
         let (file, mut pending) = (self.file.take(), std::mem::take(&mut self.pending));
         let incoming = self.store.incoming().to_owned();
         let (file, pending) = blocking(move || {

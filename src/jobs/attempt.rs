@@ -11,7 +11,7 @@ use super::watch::{Stop, Watch};
 use super::worker::LEASE;
 use crate::error::Error;
 use crate::reconstruction::{Failure, Product, RefusedInstance};
-use crate::store::{Claim, Heartbeat, Refused};
+use crate::store::{Claim, Heartbeat, Refused, StoredInstances};
 
 /// How often progress goes to the catalog, which also keeps the claim.
 const HEARTBEAT: Duration = Duration::from_millis(500);
@@ -23,6 +23,8 @@ pub(super) enum Ended {
     Done(Box<Product>),
     /// No cloud.
     Failed(Failure),
+    /// No cloud for want of something that this process may have again later.
+    Short(Failure),
     /// It was asked to stop, and did.
     Stopped(Stop),
 }
@@ -42,8 +44,9 @@ impl Shared {
         };
         let (source, refused) = match prepared.await {
             Ok(prepared) => prepared,
-            Err(error) => return Ended::Failed(failure_of(&error)),
+            Err(error) => return ended_by(&error),
         };
+        let stored = source.clone();
         let parameters = claim.reconstruction.parameters.clone();
         let limits = self.limits.clone();
         let (threads, observer, work) = (Arc::clone(&self.threads), Arc::clone(watch), self.work);
@@ -66,6 +69,9 @@ impl Shared {
                 product.report.refused = refused;
                 Ended::Done(Box::new(product))
             }
+            (Ok(Err(failure)), None) if failure.code == Failure::UNREADABLE => {
+                self.unreadable(claim, stored, failure).await
+            }
             (Ok(Err(failure)), Some(stop)) if failure.code == Failure::CANCELLED => Ended::Stopped(stop),
             (Ok(Err(mut failure)), _) => {
                 if let Some(report) = &mut failure.report {
@@ -77,6 +83,34 @@ impl Shared {
                 tracing::error!(reconstruction = %claim.lease.id, error = %panic, "the reconstruction panicked");
                 Ended::Failed(passing("internal", "an internal fault; the service's log has the cause"))
             }
+        }
+    }
+
+    /// Tells a shortage from instances whose bytes are gone or changed, and names all of these.
+    async fn unreadable(&self, claim: &Claim, stored: StoredInstances, failure: Failure) -> Ended {
+        if let Some(error) = stored.shortage() {
+            return ended_by(&error);
+        }
+        if stored.damage().is_none() {
+            return Ended::Failed(failure);
+        }
+        let checked = tokio::task::spawn_blocking(move || {
+            stored.read_all();
+            stored
+        });
+        match checked.await.map(|stored| stored.damage()) {
+            Ok(Some(damage)) => {
+                tracing::error!(
+                    reconstruction = %claim.lease.id,
+                    series = %claim.reconstruction.series_instance_uid,
+                    code = damage.code(),
+                    instances = ?damage.instances.iter().map(ToString::to_string).collect::<Vec<_>>(),
+                    "stored instances are not what was acknowledged"
+                );
+                let lasting = passing(damage.code(), &damage.to_string());
+                Ended::Failed(Failure { transient: false, instances: damage.instances, ..lasting })
+            }
+            _ => Ended::Failed(failure),
         }
     }
 
@@ -104,11 +138,13 @@ pub(crate) fn refused_instances(refused: Vec<Refused>) -> Vec<RefusedInstance> {
     refused.into_iter().map(instance).collect()
 }
 
-/// The failure that an error of the store is: lasting if the instances are gone, passing otherwise.
-pub(super) fn failure_of(error: &Error) -> Failure {
+/// How an error of the store ends an attempt: for good if the instances are gone, for later if it is
+/// a shortage, as a passing fault otherwise.
+pub(super) fn ended_by(error: &Error) -> Ended {
     let code = error.mapping().code.replace('-', "_");
     let transient = !matches!(error, Error::SourceRemoved);
-    Failure { transient, ..passing(&code, &error.to_string()) }
+    let failure = Failure { transient, ..passing(&code, &error.to_string()) };
+    if error.is_shortage() { Ended::Short(failure) } else { Ended::Failed(failure) }
 }
 
 fn passing(code: &str, detail: &str) -> Failure {

@@ -2,19 +2,24 @@
 
 use std::time::Duration;
 
+use tokio_util::sync::CancellationToken;
+
 use super::Shared;
-use super::attempt::{Ended, failure_of};
+use super::attempt::{Ended, ended_by};
 use super::watch::{Stop, Watch};
 use crate::error::Result;
 use crate::pipeline::{Observer, Stage};
 use crate::reconstruction::{Failure, Product, Report};
 use crate::store::{Claim, Fault, Outcome, report_json};
 
-/// How often writing down an end is tried before the claim is left to run out.
-const TRIES: u32 = 10;
-
-/// Pause between two tries.
+/// Pause between two tries to write down an end.
 const PAUSE: Duration = Duration::from_secs(1);
+
+/// Longest wait of what was put back for a shortage.
+const LONGEST_WAIT: Duration = Duration::from_secs(60);
+
+/// So long a shortage is waited for.
+const PATIENCE: Duration = Duration::from_secs(24 * 3600);
 
 /// The end of an attempt that gave no result, as the queue is told.
 enum End<'a> {
@@ -22,25 +27,36 @@ enum End<'a> {
     Cancelled,
     /// As if it had not been claimed.
     Released,
-    /// Again, not before that time (Unix ms).
-    Retry(i64, &'a Fault),
+    /// Again, after that time.
+    Retry(Duration, &'a Fault),
+    /// Again, as if it had not been claimed, when there may be enough of what was short.
+    Deferred(&'a Fault),
     /// For good, with the report if there is one.
     Failed(&'a Fault, Option<Vec<u8>>),
 }
 
 impl Shared {
-    pub(super) async fn conclude(&self, claim: &Claim, watch: &Watch, ended: Ended) {
+    pub(super) async fn conclude(
+        &self,
+        claim: &Claim,
+        watch: &Watch,
+        ended: Ended,
+        shutdown: &CancellationToken,
+    ) {
         match ended {
-            Ended::Done(product) => self.succeed(claim, watch, *product).await,
-            Ended::Failed(failure) => self.fail(claim, failure).await,
-            Ended::Stopped(Stop::TimedOut) => self.fail(claim, timed_out(self.settings.timeout)).await,
-            Ended::Stopped(Stop::Cancelled) => self.end(claim, &End::Cancelled).await,
-            Ended::Stopped(Stop::ShuttingDown) => self.end(claim, &End::Released).await,
+            Ended::Done(product) => self.succeed(claim, watch, *product, shutdown).await,
+            Ended::Failed(failure) => self.fail(claim, failure, shutdown).await,
+            Ended::Short(failure) => self.defer(claim, failure, shutdown).await,
+            Ended::Stopped(Stop::TimedOut) => {
+                self.fail(claim, timed_out(self.settings.timeout), shutdown).await;
+            }
+            Ended::Stopped(Stop::Cancelled) => self.end(claim, &End::Cancelled, shutdown).await,
+            Ended::Stopped(Stop::ShuttingDown) => self.end(claim, &End::Released, shutdown).await,
             Ended::Stopped(Stop::Lost) => self.settled(claim, false).await,
         }
     }
 
-    async fn succeed(&self, claim: &Claim, watch: &Watch, product: Product) {
+    async fn succeed(&self, claim: &Claim, watch: &Watch, product: Product, shutdown: &CancellationToken) {
         watch.progress(Stage::Writing, 0.0);
         let outcome = Outcome {
             report: report_json::write(&product.report),
@@ -59,12 +75,29 @@ impl Shared {
             }
             Err(error) => {
                 tracing::error!(reconstruction = %claim.lease.id, error = ?error, "the result can't be stored");
-                self.fail(claim, failure_of(&error)).await;
+                match ended_by(&error) {
+                    Ended::Short(failure) => self.defer(claim, failure, shutdown).await,
+                    Ended::Failed(failure) => self.fail(claim, failure, shutdown).await,
+                    Ended::Done(_) | Ended::Stopped(_) => {}
+                }
             }
         }
     }
 
-    async fn fail(&self, claim: &Claim, failure: Failure) {
+    /// Puts it back, its attempt not counted.
+    async fn defer(&self, claim: &Claim, failure: Failure, shutdown: &CancellationToken) {
+        tracing::warn!(
+            reconstruction = %claim.lease.id,
+            series = %claim.reconstruction.series_instance_uid,
+            code = failure.code,
+            detail = failure.detail,
+            "reconstruction put back until there is enough again; the attempt does not count"
+        );
+        let fault = Fault { code: failure.code, detail: failure.detail, instances: failure.instances };
+        self.end(claim, &End::Deferred(&fault), shutdown).await;
+    }
+
+    async fn fail(&self, claim: &Claim, failure: Failure, shutdown: &CancellationToken) {
         let attempts = claim.reconstruction.attempts;
         let again = failure.transient && attempts < self.settings.max_attempts;
         tracing::warn!(
@@ -78,26 +111,34 @@ impl Shared {
         );
         let fault = Fault { code: failure.code, detail: failure.detail, instances: failure.instances };
         if again {
-            let not_before = now_ms().saturating_add(backoff_ms(self.settings.retry_backoff, attempts));
-            self.end(claim, &End::Retry(not_before, &fault)).await;
+            let wait = backoff(self.settings.retry_backoff, attempts);
+            self.end(claim, &End::Retry(wait, &fault), shutdown).await;
         } else {
             if let Some(report) = &failure.report {
                 self.count_rejections(report);
             }
             let report = failure.report.map(|report| report_json::write(&report));
-            self.end(claim, &End::Failed(&fault, report)).await;
+            self.end(claim, &End::Failed(&fault, report), shutdown).await;
         }
     }
 
-    /// Tries until the end is written. If nothing can be written at all, the claim runs out and the
-    /// reconstruction is tried again.
-    async fn end(&self, claim: &Claim, end: &End<'_>) {
-        for _ in 0..TRIES {
+    /// Tries until the end is written: as long as this process lives it holds on to the claim, and
+    /// what it can't write costs no attempt. At a stop it tries once more; the next start takes up
+    /// what is left.
+    async fn end(&self, claim: &Claim, end: &End<'_>, shutdown: &CancellationToken) {
+        loop {
+            let last = shutdown.is_cancelled();
             match self.write(claim, end).await {
                 Ok(held) => return self.settled(claim, held).await,
                 Err(error) => {
                     tracing::error!(reconstruction = %claim.lease.id, error = ?error, "its end can't be written");
-                    tokio::time::sleep(PAUSE).await;
+                    if last {
+                        break;
+                    }
+                    tokio::select! {
+                        () = tokio::time::sleep(PAUSE) => {}
+                        () = shutdown.cancelled() => {}
+                    }
                 }
             }
         }
@@ -108,7 +149,11 @@ impl Shared {
         match end {
             End::Cancelled => self.store.finish_cancelled(&claim.lease).await,
             End::Released => self.store.release(&claim.lease).await,
-            End::Retry(not_before, fault) => self.store.retry(&claim.lease, *not_before, fault).await,
+            End::Retry(wait, fault) => self.store.retry(&claim.lease, *wait, fault).await,
+            End::Deferred(fault) => {
+                let waits = (self.settings.retry_backoff.min(LONGEST_WAIT), LONGEST_WAIT);
+                self.store.defer(&claim.lease, waits, PATIENCE, fault).await
+            }
             End::Failed(fault, report) => {
                 self.store.finish_failure(&claim.lease, fault, report.as_deref()).await
             }
@@ -163,9 +208,8 @@ fn timed_out(timeout: Duration) -> Failure {
 }
 
 /// The wait after attempt `attempts`: doubled for each one after the first.
-fn backoff_ms(first: Duration, attempts: u32) -> i64 {
-    let doublings = attempts.saturating_sub(1).min(20);
-    i64::try_from(first.as_millis()).unwrap_or(i64::MAX).saturating_mul(1 << doublings)
+fn backoff(first: Duration, attempts: u32) -> Duration {
+    first.saturating_mul(1 << attempts.saturating_sub(1).min(20))
 }
 
 pub(super) fn now_ms() -> i64 {
@@ -178,8 +222,8 @@ mod tests {
 
     #[test]
     fn the_back_off_doubles_and_never_overflows() {
-        let waits = [1, 2, 3, 1000].map(|attempts| backoff_ms(Duration::from_secs(5), attempts));
-        assert_eq!(waits, [5_000, 10_000, 20_000, 5_000 << 20]);
-        assert_eq!(backoff_ms(Duration::MAX, 3), i64::MAX);
+        let waits = [1, 2, 3, 1000].map(|attempts| backoff(Duration::from_secs(5), attempts).as_secs());
+        assert_eq!(waits, [5, 10, 20, 5 << 20]);
+        assert_eq!(backoff(Duration::MAX, 3), Duration::MAX);
     }
 }

@@ -13,7 +13,9 @@
 //! |---|---|
 //! | clouds and report are stored | `succeeded` |
 //! | the series is at fault, or it shows no skin (`empty_cloud`, `no_head`, …) | `failed`, with the report if there is one |
-//! | a passing fault, a full disk, a panic (`internal`) | `queued` after a back-off; `failed` after `jobs.max_attempts` |
+//! | a shortage that the process survives: disk (`out_of_storage`), descriptors, memory | `queued` after a back-off, the attempt not counted; `failed` after a day of it |
+//! | a stored instance is missing or changed | `failed`, `blob_missing` or `blob_damaged` |
+//! | another passing fault, a panic (`internal`) | `queued` after a back-off; `failed` after `jobs.max_attempts` |
 //! | `jobs.timeout` has passed | `failed`, `timeout` |
 //! | the process died | `queued` at the next start; `failed`, `worker_died`, after `jobs.max_attempts` |
 //! | the service shuts down | `queued`, the attempt not counted |
@@ -203,7 +205,9 @@ impl Shared {
 
     /// Puts back what has lost its worker.
     async fn reclaim(&self, which: Reclaim) {
-        match self.store.reclaim(which, self.settings.max_attempts).await {
+        // What this process works on, or can't write the end of, has not lost its worker.
+        let held: Vec<ReconstructionId> = self.running().keys().copied().collect();
+        match self.store.reclaim(which, self.settings.max_attempts, &held).await {
             Ok(records) => records.iter().for_each(|record| {
                 tracing::warn!(
                     reconstruction = %record.id,

@@ -8,7 +8,7 @@ use tokio_util::sync::CancellationToken;
 use super::Shared;
 use super::conclusion::now_ms;
 use super::watch::Watch;
-use crate::store::Claim;
+use crate::store::{Claim, ReconstructionId};
 
 /// How long a claim holds without a heartbeat.
 pub(super) const LEASE: Duration = Duration::from_secs(30);
@@ -64,9 +64,27 @@ impl Shared {
             Arc::clone(&self.metrics),
             self.settings.timeout,
         ));
-        self.running().insert(id, Arc::clone(&watch));
+        let _held = Held::new(self, id, Arc::clone(&watch));
         let ended = self.attempt(claim, &watch, shutdown).await;
-        self.conclude(claim, &watch, ended).await;
-        self.running().remove(&id);
+        self.conclude(claim, &watch, ended, shutdown).await;
+    }
+}
+
+/// Among what this process runs as long as this lives, a panic of the worker included.
+struct Held<'a> {
+    shared: &'a Shared,
+    id: ReconstructionId,
+}
+
+impl<'a> Held<'a> {
+    fn new(shared: &'a Shared, id: ReconstructionId, watch: Arc<Watch>) -> Self {
+        shared.running().insert(id, watch);
+        Self { shared, id }
+    }
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        self.shared.running().remove(&self.id);
     }
 }

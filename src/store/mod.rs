@@ -1,13 +1,19 @@
 //! What survives: the catalog (SQL) and the blobs (files).
 //!
 //! A [`Store`] is one data directory. The order of every change is: blobs durable first, then the
-//! row that names them; on removal the row first, then the blobs. So a row never names a blob that
-//! isn't there, and what a crash leaves over is a blob without a row, removed at the next start.
+//! row that names them; on removal the row first, with a note of its blobs, then the blobs. So a row
+//! never names a blob that isn't there, and what a crash leaves over is a blob without a row, which
+//! the next start enters or sets aside, or one that is noted, which it removes.
 //!
 //! | file | what |
 //! |---|---|
 //! | `records`, `queue` | what the rest of the service sees |
-//! | `open.rs` | locking, migration, clean-up at start |
+//! | `open.rs` | locking, migration |
+//! | `recovery/` | blobs without a row; a new catalog from the blobs |
+//! | `source.rs` | the instances of a series as they are read, each held against its row |
+//! | `check.rs` | `triplanar check` |
+//! | `room.rs` | free space, readiness |
+//! | `verify.rs` | whether a blob is what was acknowledged |
 //! | `reading.rs` | series, instances and reconstructions as they are |
 //! | `receiving.rs` | what only the intake does |
 //! | `working.rs` | what only the job workers do |
@@ -19,39 +25,51 @@
 
 mod blobs;
 mod catalog;
+mod check;
 mod hashed;
 mod open;
 mod queue;
 mod reading;
 mod receiving;
 mod records;
+mod recovery;
 mod removing;
+mod room;
+mod source;
 mod stored;
+#[cfg(test)]
+mod tests;
+mod verify;
 mod working;
 
-use std::fs::File;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+
+use tokio::sync::Mutex;
 
 use crate::config;
 use crate::error::{Error, Result};
 
-use blobs::Blobs;
+use blobs::{Aside, Blobs};
 use catalog::Catalog;
 
 pub(crate) use catalog::{Added, Completion, End, NewInstance, Policy, Settled, now_ms};
+pub use check::{Checked, Problem};
 pub(crate) use hashed::Damage;
 pub use hashed::HashedFile;
 pub use open::OpenError;
 pub use queue::{Claim, Fault, Heartbeat, Lease, Outcome, Reclaim};
-pub use reading::StoredInstances;
 pub(crate) use receiving::Staged;
 pub use records::{
     Clinical, ClinicalChoice, CompleteReason, IdentityChange, IdentityField, InstanceRecord, Page,
     ReconstructionFilter, ReconstructionId, ReconstructionRecord, ReconstructionState, Refused, SenderEnd,
     SeriesFilter, SeriesRecord, SeriesState, TransferDoubt, UnfitReason, UnreadableRow,
 };
+pub use recovery::{Rebuilt, Recovered, SetAside};
 pub use removing::Swept;
+pub use room::Readiness;
+pub use source::{LostInstances, StoredInstances};
 pub(crate) use stored::report_json;
 
 /// Catalog and blobs of one data directory. Cheap to clone.
@@ -63,54 +81,38 @@ struct Inner {
     catalog: Catalog,
     blobs: Arc<dyn Blobs>,
     incoming: PathBuf,
+    aside: Aside,
     settings: config::Storage,
+    readiness: Mutex<room::Last>,
+    counts: Counts,
     /// Held as long as the store is.
-    lock: File,
+    lock: open::Locks,
 }
 
-/// Whether what the store stands on answers.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Readiness {
-    /// The catalog; the error without any row's content.
-    pub catalog: Result<(), String>,
-    /// The data directory: writable, and above the watermark of free space.
-    pub data_dir: Result<(), String>,
+/// What was found wrong and dealt with, for the metrics.
+#[derive(Debug, Default)]
+pub(crate) struct Counts {
+    /// Blobs without a row that got theirs.
+    pub(crate) entered: AtomicU64,
+    /// Blobs that were not what was acknowledged, replaced by a duplicate.
+    pub(crate) replaced: AtomicU64,
+    /// Files in `set-aside/`.
+    pub(crate) set_aside_files: AtomicU64,
+    /// Their bytes.
+    pub(crate) set_aside_bytes: AtomicU64,
 }
 
 impl Store {
-    /// Asks what the store stands on whether it answers.
-    pub async fn ready(&self) -> Readiness {
-        let catalog = self.0.catalog.ping().await.map_err(|_| "the catalog does not answer".to_owned());
-        let blobs = Arc::clone(&self.0.blobs);
-        let written = blocking(move || Ok(blobs.temporary().map(drop)?)).await;
-        let data_dir = match (written, self.has_room()) {
-            (Err(_), _) => Err("the data directory can't be written".to_owned()),
-            (Ok(()), Ok(true)) => Ok(()),
-            (Ok(()), Ok(false)) => Err(Error::OutOfStorage.to_string()),
-            (Ok(()), Err(_)) => Err("the data directory's free space can't be read".to_owned()),
-        };
-        Readiness { catalog, data_dir }
-    }
-
-    /// Free bytes on the disk of the data directory.
-    ///
-    /// # Errors
-    /// The file system does not tell.
-    pub fn free_bytes(&self) -> Result<u64> {
-        let disk = rustix::fs::statvfs(&self.0.settings.data_dir).map_err(std::io::Error::from)?;
-        Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
-    }
-
-    /// Whether the free space is above the watermark.
-    pub(crate) fn has_room(&self) -> Result<bool> {
-        Ok(self.free_bytes()? >= self.0.settings.min_free_bytes)
+    /// What was found wrong and dealt with.
+    pub(crate) fn counts(&self) -> &Counts {
+        &self.0.counts
     }
 
     /// Ends the connections to the catalog and gives the data directory free, although clones of
     /// this store may still exist: every further call of them fails.
     pub async fn close(&self) {
         self.0.catalog.close().await;
-        if let Err(error) = self.0.lock.unlock() {
+        if let Err(error) = self.0.lock.release() {
             tracing::warn!(%error, "the lock of the data directory can't be released");
         }
     }

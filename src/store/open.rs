@@ -1,22 +1,28 @@
-//! Opening a data directory: one service at a time, one schema, nothing left over from a crash.
+//! Opening a data directory: one service at a time, one schema, a row for every blob.
 
-use std::collections::HashSet;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
-use super::blobs::Files;
-use super::catalog::{Catalog, SchemaError};
-use super::{Inner, Store, blocking};
+use tokio::sync::Mutex;
+
+use super::blobs::{Aside, Blobs as _, Files};
+use super::catalog::{Catalog, SchemaError, now_ms};
+use super::recovery::{Recovered, Recovery};
+use super::{Counts, Inner, Store, blocking};
 use crate::config;
 use crate::error::Error;
 
-/// Locked while a service uses the data directory.
+/// Locked while a service uses the data directory, beside the directory itself: version 0.1 looks
+/// at this file alone.
 const LOCK: &str = "lock";
 /// The catalog's file.
-const CATALOG: &str = "catalog.sqlite";
+pub(super) const CATALOG: &str = "catalog.sqlite";
+
+const DAY_S: i64 = 86_400;
 
 /// Why a data directory can't be opened.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +48,21 @@ pub enum OpenError {
         /// The latest one known here.
         known: i64,
     },
+    /// There are instances or results, and no catalog.
+    #[error(
+        "the data directory {path} holds instances or results, but its catalog ({CATALOG}) is missing, empty or \
+         damaged: bring the catalog back from a backup, or make a new one from the files with `triplanar rebuild \
+         --data-dir {path}`",
+        path = .0.display()
+    )]
+    CatalogLost(PathBuf),
+    /// A catalog is there that need not be rebuilt.
+    #[error(
+        "the catalog of {} can be opened and is not empty: start the service, or add --replace to set it aside and \
+         make a new one",
+        .0.display()
+    )]
+    InUse(PathBuf),
     /// It can't be made, read or written.
     #[error("the data directory {} can't be used (storage.data_dir): {cause}", path.display())]
     Unusable {
@@ -72,9 +93,21 @@ impl Store {
         };
         let (lock, files) =
             blocking(move || Ok(prepare(&root))).await.map_err(|error| unusable(error.into()))??;
-        let catalog = Catalog::open(&config.data_dir.join(CATALOG)).await.map_err(|error| match error {
+        let files = Arc::new(files);
+        let file = config.data_dir.join(CATALOG);
+        let (kept, path) = (Arc::clone(&files), file.clone());
+        let may_be_new = blocking(move || Ok(kept.keys()?.is_empty())).await;
+        let may_be_new = may_be_new.map_err(|error| unusable(error.into()))?;
+        if !may_be_new && fs::metadata(path).map_or(0, |metadata| metadata.len()) == 0 {
+            return Err(OpenError::CatalogLost(config.data_dir.clone()));
+        }
+        let catalog = Catalog::open(&file, may_be_new).await.map_err(|error| match error {
             SchemaError::Newer { found, known } => {
                 OpenError::Newer { path: config.data_dir.clone(), found, known }
+            }
+            SchemaError::Lost => OpenError::CatalogLost(config.data_dir.clone()),
+            SchemaError::Database(error) if is_damage(&error) => {
+                OpenError::CatalogLost(config.data_dir.clone())
             }
             SchemaError::Database(error) => unusable(error.into()),
             SchemaError::Rows(error) => unusable(error.into()),
@@ -82,53 +115,112 @@ impl Store {
         let store = Self(Arc::new(Inner {
             catalog,
             incoming: files.incoming(),
-            blobs: Arc::new(files),
+            blobs: files,
+            aside: Aside::of(&config.data_dir),
             settings: config.clone(),
+            readiness: Mutex::default(),
+            counts: Counts::default(),
             lock,
         }));
         store.remove_replaced(true).await.map_err(|error| unusable(error.into()))?;
-        store.remove_orphans().await.map_err(|error| unusable(error.into()))?;
+        store.recover().await.map_err(|error| match error {
+            Error::Internal(cause) if cause.downcast_ref().is_some_and(is_damage) => {
+                OpenError::CatalogLost(config.data_dir.clone())
+            }
+            error => unusable(error.into()),
+        })?;
         Ok(store)
     }
 
-    /// Removes blobs that no row names: a crash came between the two.
-    async fn remove_orphans(&self) -> crate::error::Result<()> {
-        let (instances, results) = self.0.catalog.named_blobs().await?;
-        let blobs = Arc::clone(&self.0.blobs);
-        let removed = blocking(move || {
-            let instances: HashSet<String> = instances.into_iter().collect();
-            let results: HashSet<String> = results.into_iter().collect();
-            let mut removed = 0_usize;
-            for key in blobs.keys()? {
-                let is_result = key.rsplit_once('/').is_some_and(|(prefix, _)| results.contains(prefix));
-                if !is_result && !instances.contains(&key) {
-                    blobs.remove(&key)?;
-                    removed += 1;
-                }
-            }
-            Ok(removed)
-        })
-        .await?;
+    /// Removes blobs that were to be removed, gives the others without a row their row or sets them
+    /// aside.
+    async fn recover(&self) -> crate::error::Result<()> {
+        self.remove_noted().await?;
+        let (catalog, blobs) = (&self.0.catalog, Arc::clone(&self.0.blobs));
+        let recovery = Recovery { catalog, blobs, aside: self.0.aside.clone() };
+        let recovered = recovery.run().await?;
+        self.0
+            .counts
+            .entered
+            .fetch_add(recovered.instances + recovered.repaired + recovered.results, Ordering::Relaxed);
+        for blob in &recovered.set_aside {
+            tracing::warn!(path = blob.path, reason = blob.reason, "a blob without a row was set aside");
+        }
+        if recovered != Recovered::default() {
+            tracing::warn!(
+                instances = recovered.instances,
+                repaired = recovered.repaired,
+                results = recovered.results,
+                set_aside = recovered.set_aside.len(),
+                "files without a row in the catalog: an interrupted process left them, or the catalog is older \
+                 than they are; what could be entered was entered"
+            );
+        }
+        self.bound_set_aside().await
+    }
+
+    /// Keeps `set-aside/` within its limits.
+    pub(super) async fn bound_set_aside(&self) -> crate::error::Result<()> {
+        let aside = self.0.aside.clone();
+        let (days, bytes) = (self.0.settings.set_aside_days, self.0.settings.set_aside_bytes);
+        let now_s = now_ms() / 1000;
+        let (kept, removed) =
+            blocking(move || Ok(aside.bound(now_s, i64::from(days) * DAY_S, bytes)?)).await?;
+        self.0.counts.set_aside_files.store(kept.files, Ordering::Relaxed);
+        self.0.counts.set_aside_bytes.store(kept.bytes, Ordering::Relaxed);
         if removed > 0 {
-            tracing::info!(removed, "removed blobs that an interrupted process left behind");
+            tracing::warn!(
+                removed,
+                "removed what was set aside, by storage.set_aside_days and set_aside_bytes"
+            );
         }
         Ok(())
     }
 }
 
+/// Whether the file is no database, or a broken one (SQLITE_CORRUPT, SQLITE_NOTADB).
+pub(super) fn is_damage(error: &sqlx::Error) -> bool {
+    let code = error.as_database_error().and_then(|error| error.code());
+    code.and_then(|code| code.parse::<i32>().ok()).is_some_and(|code| matches!(code & 0xFF, 11 | 26))
+}
+
+/// The locks of a data directory, held as long as they live.
+#[derive(Debug)]
+pub(super) struct Locks {
+    file: File,
+    directory: File,
+}
+
+impl Locks {
+    /// Another process may take them.
+    pub(super) fn release(&self) -> io::Result<()> {
+        self.directory.unlock()?;
+        self.file.unlock()
+    }
+}
+
 /// The locked folder with its subfolders.
-fn prepare(root: &Path) -> Result<(File, Files), OpenError> {
+pub(super) fn prepare(root: &Path) -> Result<(Locks, Files), OpenError> {
     let unusable = |cause: io::Error| OpenError::Unusable { path: root.to_owned(), cause: cause.into() };
     make_root(root).map_err(unusable)?;
-    let lock =
+    let directory = File::open(root).map_err(unusable)?;
+    match directory.try_lock() {
+        Ok(()) => {}
+        Err(TryLockError::WouldBlock) => return Err(OpenError::Locked(root.to_owned())),
+        // A file system (NFS) on which a directory can't be locked: the file's lock must do.
+        Err(TryLockError::Error(cause)) => {
+            tracing::warn!(%cause, "the data directory itself can't be locked")
+        }
+    }
+    let file =
         File::options().create(true).truncate(false).write(true).open(root.join(LOCK)).map_err(unusable)?;
-    match lock.try_lock() {
+    match file.try_lock() {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => return Err(OpenError::Locked(root.to_owned())),
         Err(TryLockError::Error(cause)) => return Err(unusable(cause)),
     }
     let files = Files::open(root).map_err(unusable)?;
-    Ok((lock, files))
+    Ok((Locks { file, directory }, files))
 }
 
 /// Makes the data directory, for its owner's eyes only, so that a power cut can't take it away

@@ -1,41 +1,18 @@
 //! Series, instances and reconstructions as they are.
 
-use std::io;
 use std::sync::Arc;
 
-use super::blobs::Blobs;
 use super::catalog::set_sha256;
 use super::records::{
     Clinical, ClinicalChoice, IdentityChange, InstanceRecord, Page, ReconstructionFilter, ReconstructionId,
     ReconstructionRecord, Refused, SeriesFilter, SeriesRecord,
 };
+use super::source::StoredInstances;
 use super::{Damage, HashedFile, Store, blocking, hashed};
 use crate::dicom::series::unfit_detail;
-use crate::dicom::source::InstanceSource;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
 use crate::geometry::Plane;
-
-/// Stored instances, to be read by synchronous code.
-#[derive(Debug, Clone)]
-pub struct StoredInstances {
-    blobs: Arc<dyn Blobs>,
-    keys: Vec<String>,
-    sizes: Vec<u64>,
-}
-
-impl InstanceSource for StoredInstances {
-    fn len(&self) -> usize {
-        self.keys.len()
-    }
-    fn read(&self, index: usize) -> io::Result<Vec<u8>> {
-        let key = self.keys.get(index).ok_or(io::ErrorKind::NotFound)?;
-        self.blobs.read(key)
-    }
-    fn size(&self, index: usize) -> Option<u64> {
-        self.sizes.get(index).copied()
-    }
-}
 
 impl Store {
     /// One series.
@@ -109,9 +86,7 @@ impl Store {
     /// The bytes of `instances`, in their order.
     #[must_use]
     pub fn instance_source(&self, instances: &[InstanceRecord]) -> StoredInstances {
-        let keys = instances.iter().map(|instance| instance.blob.clone()).collect();
-        let sizes = instances.iter().map(|instance| instance.size).collect();
-        StoredInstances { blobs: Arc::clone(&self.0.blobs), keys, sizes }
+        StoredInstances::new(Arc::clone(&self.0.blobs), instances.to_vec())
     }
 
     /// One reconstruction.

@@ -3,19 +3,23 @@
 use std::io::{self, Read, Write as _};
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use sha2::{Digest as _, Sha256};
 use tempfile::NamedTempFile;
 use uuid::Uuid;
 
 use super::catalog::{Added, Catalog, NewInstance, Policy};
+use super::verify::is_whole;
 use super::{Store, blocking};
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::uid::SopInstanceUid;
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// Bytes copied at a time.
 const CHUNK: usize = 1 << 16;
+/// Bytes after which the room is looked at again.
+const ROOM_STEP: u64 = 1 << 20;
 
 /// An instance in a temporary file, not durable yet.
 #[derive(Debug)]
@@ -43,19 +47,24 @@ impl Store {
         header: InstanceHeader,
         file_meta: &[u8],
         mut data_set: impl Read,
-    ) -> io::Result<Staged> {
+    ) -> Result<Staged> {
         let mut file = self.0.blobs.temporary()?;
         file.write_all(file_meta)?;
         let mut hash = Sha256::new();
         let mut size = file_meta.len() as u64;
         let mut chunk = vec![0; CHUNK];
+        let mut looked = 0;
         loop {
             let read = match data_set.read(&mut chunk) {
                 Ok(0) => break,
                 Ok(read) => &chunk[..read],
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                Err(error) => return Err(error),
+                Err(error) => return Err(error.into()),
             };
+            if looked == 0 || size - looked >= ROOM_STEP {
+                self.check_room(ROOM_STEP.min(read.len() as u64))?;
+                looked = size;
+            }
             hash.update(read);
             file.write_all(read)?;
             size += read.len() as u64;
@@ -81,7 +90,7 @@ impl Store {
         let added = self.0.catalog.add_instance(new, sender, policy).await;
         if added.is_err() {
             // After a failed commit only the catalog knows whether the row is there. If it can't be
-            // asked, the blob stays; without a row it is removed at the next start.
+            // asked, the blob stays; without a row it is entered at the next start.
             let row = self.0.catalog.instance(&new.header.sop_instance_uid).await;
             if row.is_ok_and(|row| row.is_none_or(|row| row.blob != new.blob)) {
                 self.discard(new).await?;
@@ -100,6 +109,33 @@ impl Store {
     pub(crate) async fn instance_bytes(&self, blob: &str) -> Result<Vec<u8>> {
         let (blobs, key) = (Arc::clone(&self.0.blobs), blob.to_owned());
         blocking(move || Ok(blobs.read(&key)?)).await
+    }
+
+    /// Whether the blob of a stored instance is what was received.
+    pub(crate) async fn is_whole(&self, row: &super::InstanceRecord) -> Result<bool> {
+        let (blobs, row) = (Arc::clone(&self.0.blobs), row.clone());
+        blocking(move || match blobs.read(&row.blob) {
+            Ok(file) => Ok(is_whole(&row, &file)),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+            Err(error) => Err(error.into()),
+        })
+        .await
+    }
+
+    /// Lets a durable blob with the same data set take the place of one that is missing or changed.
+    pub(crate) async fn replace_damaged(&self, new: &NewInstance) -> Result<()> {
+        let header = &new.header;
+        if !self.0.catalog.replace_blob(new).await? {
+            self.discard(new).await?;
+            return Err(Error::Busy("the instance is being changed"));
+        }
+        self.0.counts.replaced.fetch_add(1, Ordering::Relaxed);
+        tracing::error!(
+            series = %header.series_instance_uid,
+            instance = %header.sop_instance_uid,
+            "the stored file was missing or damaged; the one that came again took its place. Look for a failing disk"
+        );
+        self.remove_noted().await
     }
 
     /// The stored instance of that UID.

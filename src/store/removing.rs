@@ -1,11 +1,10 @@
-//! Removal, asked for or by age. Rows go first; a blob whose removal fails is without a row and
-//! goes at the next start.
+//! Removal, asked for or by age. Rows go first, and leave a note of their blobs in the same
+//! transaction; what is noted goes now, at the next sweep or at the next start.
 
 use std::sync::Arc;
 
 use super::catalog::Removed;
-use super::reading::result_names;
-use super::{ReconstructionId, Store, blocking, hashed};
+use super::{ReconstructionId, Store, blocking};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
 
@@ -68,6 +67,8 @@ impl Store {
             self.remove_blobs(removed).await?;
         }
         self.0.catalog.remove_empty_series().await?;
+        self.remove_noted().await?;
+        self.bound_set_aside().await?;
         Ok(swept)
     }
 
@@ -86,21 +87,31 @@ impl Store {
         self.0.catalog.forget_replaced(&replaced).await
     }
 
-    /// Removes results of which no row names the prefix any more.
+    /// Removes results that never had a row.
     pub(super) async fn remove_results(&self, results: Vec<String>) -> Result<()> {
-        self.remove_blobs(Removed { blobs: Vec::new(), results }).await
+        self.take_blobs(&Removed { blobs: Vec::new(), results }).await
     }
 
-    async fn remove_blobs(&self, removed: Removed) -> Result<()> {
-        let blobs = Arc::clone(&self.0.blobs);
+    /// Removes blobs whose rows were removed and that are still there.
+    pub(super) async fn remove_noted(&self) -> Result<()> {
+        let removed = self.0.catalog.removed_blobs().await?;
+        self.remove_blobs(removed).await
+    }
+
+    /// Removes blobs that are noted, and then the notes.
+    pub(super) async fn remove_blobs(&self, removed: Removed) -> Result<()> {
+        self.take_blobs(&removed).await?;
+        self.0.catalog.forget_removed(&removed).await
+    }
+
+    async fn take_blobs(&self, removed: &Removed) -> Result<()> {
+        let (blobs, removed) = (Arc::clone(&self.0.blobs), removed.clone());
         blocking(move || {
-            for key in removed.blobs {
-                blobs.remove(&key)?;
+            for key in &removed.blobs {
+                blobs.remove(key)?;
             }
-            for prefix in removed.results {
-                for name in result_names() {
-                    hashed::remove(&*blobs, &format!("{prefix}/{name}"))?;
-                }
+            for prefix in &removed.results {
+                blobs.remove_all(prefix)?;
             }
             Ok(())
         })

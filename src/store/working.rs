@@ -4,11 +4,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::reading::{REPORT, cloud_name};
+use super::recovery::RECORD;
 use super::stored::{figure_json, quality_json};
 use super::{
     Claim, Fault, Heartbeat, Lease, Outcome, Reclaim, ReconstructionId, ReconstructionRecord, Store,
 };
-use super::{blocking, hashed};
+use super::{blobs, blocking, catalog, hashed};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
 use crate::pipeline::{Parameters, Stage};
@@ -79,11 +80,8 @@ impl Store {
             outcome.clouds.iter().map(|(plane, bytes)| (cloud_name(*plane), bytes.clone())).collect();
         files.push((REPORT.to_owned(), outcome.report.clone()));
         let prefix = self.write_result(lease, files).await?;
-        let done = self.0.catalog.succeed(lease, &prefix, &figures, quality.as_deref()).await?;
-        if !done {
-            self.remove_results(vec![prefix]).await?;
-        }
-        Ok(done)
+        let ended = self.0.catalog.succeed(lease, &prefix, &figures, quality.as_deref()).await;
+        self.settle(ended, Some(prefix)).await
     }
 
     /// Marks it failed, with its report if there is one. False: the lease was lost.
@@ -97,11 +95,34 @@ impl Store {
             }
             None => None,
         };
-        let done = self.0.catalog.fail(lease, fault, prefix.as_deref()).await?;
-        if !done {
-            self.remove_results(prefix.into_iter().collect()).await?;
+        let ended = self.0.catalog.fail(lease, fault, prefix.as_deref()).await;
+        self.settle(ended, prefix).await
+    }
+
+    /// Writes the record beside the result, then commits. A result that has no row after that is
+    /// removed: another attempt makes it again.
+    async fn settle(&self, ended: Result<Option<catalog::Ended>>, prefix: Option<String>) -> Result<bool> {
+        let settled = match ended {
+            Ok(Some(ended)) => self.commit(ended, prefix.as_deref()).await.map(|()| true),
+            Ok(None) => Ok(false),
+            Err(error) => Err(error),
+        };
+        if !matches!(settled, Ok(true))
+            && let Some(prefix) = prefix
+            && !self.0.catalog.names_result(&prefix).await.unwrap_or(true)
+        {
+            self.remove_results(vec![prefix]).await?;
         }
-        Ok(done)
+        settled
+    }
+
+    async fn commit(&self, ended: catalog::Ended, prefix: Option<&str>) -> Result<()> {
+        if let Some(prefix) = prefix {
+            let (store, key) = (Arc::clone(&self.0.blobs), format!("{prefix}/{RECORD}"));
+            let record = ended.record.to_json()?;
+            blocking(move || Ok(blobs::put(&*store, &key, &record)?)).await?;
+        }
+        Ok(ended.tx.commit().await?)
     }
 
     /// Marks it cancelled, as somebody asked. False: the lease was lost.
@@ -112,14 +133,30 @@ impl Store {
         self.0.catalog.finish_cancelled(lease).await
     }
 
-    /// Queues it again, not before that time (Unix ms); the fault stands on the row until it ends.
+    /// Queues it again, to be claimed after `wait`; the fault stands on the row until it ends.
     /// The caller has checked that attempts are left. If somebody asked to cancel it, it is
     /// cancelled instead. False: the lease was lost.
     ///
     /// # Errors
     /// The catalog's own.
-    pub async fn retry(&self, lease: &Lease, not_before_ms: i64, fault: &Fault) -> Result<bool> {
-        self.0.catalog.retry(lease, not_before_ms, fault).await
+    pub async fn retry(&self, lease: &Lease, wait: Duration, fault: &Fault) -> Result<bool> {
+        self.0.catalog.retry(lease, wait, fault).await
+    }
+
+    /// Puts it back because of a shortage that this process survives: the attempt is not counted. It
+    /// waits for `waits.0` at first, longer the longer this goes on, at most `waits.1`. Once it has
+    /// been put back for `patience`, it has failed with that fault. False: the lease was lost.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn defer(
+        &self,
+        lease: &Lease,
+        waits: (Duration, Duration),
+        patience: Duration,
+        fault: &Fault,
+    ) -> Result<bool> {
+        self.0.catalog.defer(lease, waits, patience, fault).await
     }
 
     /// Gives it back as if it had not been claimed (shutting down). False: the lease was lost.
@@ -139,13 +176,18 @@ impl Store {
         self.0.catalog.cancel(id).await
     }
 
-    /// Queues again what lost its worker; one without attempts left has failed with `worker_died`,
+    /// Queues again what lost its worker, but for what this process still holds (`held`); one without attempts left has failed with `worker_died`,
     /// one that was to be cancelled is cancelled. Returns those that changed, as they are now.
     ///
     /// # Errors
     /// The catalog's own.
-    pub async fn reclaim(&self, which: Reclaim, max_attempts: u32) -> Result<Vec<ReconstructionRecord>> {
-        self.0.catalog.reclaim(which, max_attempts).await
+    pub async fn reclaim(
+        &self,
+        which: Reclaim,
+        max_attempts: u32,
+        held: &[ReconstructionId],
+    ) -> Result<Vec<ReconstructionRecord>> {
+        self.0.catalog.reclaim(which, max_attempts, held).await
     }
 
     /// When the next queued reconstruction may be claimed, Unix ms; `None` if none is queued.
@@ -170,10 +212,14 @@ impl Store {
         let prefix = format!("results/{}/{}", lease.id, lease.fence);
         let (store, folder) = (Arc::clone(&self.0.blobs), prefix.clone());
         blocking(move || {
-            for (name, bytes) in files {
-                hashed::put(&*store, &format!("{folder}/{name}"), &bytes)?;
+            let put =
+                |(name, bytes): (String, Vec<u8>)| hashed::put(&*store, &format!("{folder}/{name}"), &bytes);
+            let written = files.into_iter().try_for_each(put);
+            if written.is_err() {
+                // Half a result takes the room that the next attempt needs.
+                let _the_first_error_is_told = store.remove_all(&folder);
             }
-            Ok(())
+            Ok(written?)
         })
         .await?;
         Ok(prefix)

@@ -1,6 +1,6 @@
 //! What is counted, as typed methods; `GET /metrics` shows it in the OpenMetrics text format.
 
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use prometheus_client::encoding::EncodeLabelSet;
@@ -118,6 +118,10 @@ pub struct Metrics {
     request_durations: Family<RouteLabels, Histogram, fn() -> Histogram>,
     free_disk_bytes: Gauge<u64, AtomicU64>,
     results_damaged: Counter,
+    recovered_blobs: Gauge<u64, AtomicU64>,
+    replaced_blobs: Gauge<u64, AtomicU64>,
+    set_aside_files: Gauge<u64, AtomicU64>,
+    set_aside_bytes: Gauge<u64, AtomicU64>,
 }
 
 impl Default for Metrics {
@@ -151,6 +155,10 @@ impl Metrics {
             request_durations: Family::new_with_constructor(durations),
             free_disk_bytes: Gauge::default(),
             results_damaged: Counter::default(),
+            recovered_blobs: Gauge::default(),
+            replaced_blobs: Gauge::default(),
+            set_aside_files: Gauge::default(),
+            set_aside_bytes: Gauge::default(),
         };
         metrics.register();
         metrics
@@ -245,6 +253,23 @@ impl Metrics {
             "Free space on the disk of the data directory",
             Unit::Bytes,
             self.free_disk_bytes.clone(),
+        );
+        r.register(
+            "recovered_blobs",
+            "Files without a row in the catalog that got one at this start",
+            self.recovered_blobs.clone(),
+        );
+        r.register(
+            "replaced_blobs",
+            "Stored instances found missing or damaged since this start, replaced when they came again",
+            self.replaced_blobs.clone(),
+        );
+        r.register("set_aside_files", "Files in set-aside/", self.set_aside_files.clone());
+        r.register_with_unit(
+            "set_aside",
+            "Size of the files in set-aside/",
+            Unit::Bytes,
+            self.set_aside_bytes.clone(),
         );
         // Final states exist from the start, so that a rate over them does.
         for state in ReconstructionState::ALL.iter().filter(|state| state.is_final()) {
@@ -341,6 +366,14 @@ impl Metrics {
     /// So many bytes are free on the data directory's disk.
     pub fn set_free_disk_bytes(&self, bytes: u64) {
         self.free_disk_bytes.set(bytes);
+    }
+
+    /// What the store found wrong and dealt with.
+    pub(crate) fn set_store_counts(&self, counts: &crate::store::Counts) {
+        self.recovered_blobs.set(counts.entered.load(Ordering::Relaxed));
+        self.replaced_blobs.set(counts.replaced.load(Ordering::Relaxed));
+        self.set_aside_files.set(counts.set_aside_files.load(Ordering::Relaxed));
+        self.set_aside_bytes.set(counts.set_aside_bytes.load(Ordering::Relaxed));
     }
 
     /// The media type of [`Metrics::encode`].

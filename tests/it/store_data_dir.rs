@@ -51,7 +51,7 @@ async fn a_second_service_on_the_same_directory_is_refused() {
 }
 
 #[tokio::test]
-async fn what_a_crash_left_between_file_and_row_is_removed_at_start() {
+async fn what_has_no_row_and_can_have_none_is_set_aside_and_bounded() {
     let dir = tempdir().unwrap();
     let (entrance, id) = finished(dir.path()).await;
     let kept = files(&dir.path().join("instances")) + files(&dir.path().join("results"));
@@ -60,8 +60,12 @@ async fn what_a_crash_left_between_file_and_row_is_removed_at_start() {
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(path, b"x").unwrap();
     }
-    let entrance = entrance.restart().await;
+    let mut entrance = entrance.restart().await;
     assert!(lost.iter().all(|path| !path.exists()));
+    assert_eq!(files(&dir.path().join("set-aside")), 2);
+    entrance.config.storage.set_aside_bytes = 1;
+    let entrance = entrance.restart().await;
+    assert_eq!(files(&dir.path().join("set-aside")), 1, "beyond the limit the oldest goes");
     assert_eq!(files(&dir.path().join("instances")) + files(&dir.path().join("results")), kept);
     assert_eq!(entrance.store.cloud(id, None).await.unwrap(), b"a None");
 }

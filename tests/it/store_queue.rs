@@ -56,7 +56,7 @@ async fn a_worker_that_lost_its_lease_changes_nothing() {
     let store = &entrance.store;
     let slow = store.claim("slow", OVER).await.unwrap().unwrap();
     expire().await;
-    let reclaimed = store.reclaim(Reclaim::Expired, 3).await.unwrap();
+    let reclaimed = store.reclaim(Reclaim::Expired, 3, &[]).await.unwrap();
     assert_eq!(reclaimed.len(), 1);
     assert_eq!(reclaimed[0].state, ReconstructionState::Queued);
     let quick = store.claim("quick", LEASE).await.unwrap().unwrap();
@@ -66,7 +66,7 @@ async fn a_worker_that_lost_its_lease_changes_nothing() {
     assert!(!store.finish_success(&slow.lease, &outcome("slow")).await.unwrap());
     let fault = Fault { code: "x".into(), detail: "x".into(), instances: vec![] };
     assert!(!store.finish_failure(&slow.lease, &fault, Some(b"{}")).await.unwrap());
-    assert!(!store.retry(&slow.lease, 0, &fault).await.unwrap());
+    assert!(!store.retry(&slow.lease, Duration::ZERO, &fault).await.unwrap());
     assert!(!store.release(&slow.lease).await.unwrap());
     assert!(!store.finish_cancelled(&slow.lease).await.unwrap());
 
@@ -88,7 +88,7 @@ async fn a_job_that_kills_its_worker_fails_after_the_last_attempt() {
         let claim = entrance.store.claim("w", LEASE).await.unwrap().unwrap();
         assert_eq!(claim.reconstruction.attempts, attempt);
         entrance = entrance.restart().await;
-        let reclaimed = entrance.store.reclaim(Reclaim::All, 3).await.unwrap();
+        let reclaimed = entrance.store.reclaim(Reclaim::All, 3, &[]).await.unwrap();
         assert_eq!(reclaimed.len(), 1);
     }
     let record = entrance.store.reconstruction(id).await.unwrap().unwrap();
@@ -109,10 +109,10 @@ async fn what_has_ended_without_a_cloud_is_in_no_stage() {
         match end {
             0 => assert!(store.finish_failure(&lease, &fault, None).await.unwrap()),
             1 => assert!(store.finish_cancelled(&lease).await.unwrap()),
-            2 => assert!(store.retry(&lease, 0, &fault).await.unwrap()),
+            2 => assert!(store.retry(&lease, Duration::ZERO, &fault).await.unwrap()),
             _ => {
                 expire().await;
-                assert_eq!(store.reclaim(Reclaim::Expired, 1).await.unwrap().len(), 1);
+                assert_eq!(store.reclaim(Reclaim::Expired, 1, &[]).await.unwrap().len(), 1);
             }
         }
         let record = store.reconstruction(id).await.unwrap().unwrap();
@@ -126,7 +126,7 @@ async fn a_living_lease_is_not_reclaimed() {
     let (_dir, entrance, id) = one_job().await;
     entrance.store.claim("w", LEASE).await.unwrap().unwrap();
     expire().await;
-    assert_eq!(entrance.store.reclaim(Reclaim::Expired, 3).await.unwrap(), []);
+    assert_eq!(entrance.store.reclaim(Reclaim::Expired, 3, &[]).await.unwrap(), []);
     assert_eq!(state(&entrance, id).await, ReconstructionState::Running);
 }
 
@@ -140,10 +140,11 @@ async fn a_retry_waits_and_a_release_is_not_counted() {
     assert_eq!(claim.reconstruction.attempts, 1);
 
     let fault = Fault { code: "internal".into(), detail: "a passing fault".into(), instances: vec![] };
-    let far = i64::MAX / 2;
+    let far = Duration::from_secs(3_600);
     assert!(store.retry(&claim.lease, far, &fault).await.unwrap());
     assert!(store.claim("w", LEASE).await.unwrap().is_none());
-    assert_eq!(store.next_claim_ms().await.unwrap(), Some(far));
+    let due = store.next_claim_ms().await.unwrap().expect("it waits");
+    assert!(due > jiff::Timestamp::now().as_millisecond() + 3_000_000, "{due}");
     let record = store.reconstruction(id).await.unwrap().unwrap();
     assert_eq!((record.state, record.error_code.as_deref()), (ReconstructionState::Queued, Some("internal")));
 }
@@ -192,4 +193,38 @@ async fn other_parameters_are_another_reconstruction_and_the_same_ones_are_not()
     );
     let error = store.enqueue(&Slice::of(9, 0).series_uid(), &other, 10).await.unwrap_err();
     assert!(matches!(error, Error::NotFound { .. }), "{error:?}");
+}
+
+#[tokio::test]
+async fn a_shortage_costs_no_attempt_and_after_its_time_the_job_fails_by_name() {
+    let (_dir, entrance, id) = one_job().await;
+    let store = &entrance.store;
+    let fault = Fault { code: "out_of_storage".into(), detail: "the disk is full".into(), instances: vec![] };
+    let waits = (Duration::ZERO, Duration::ZERO);
+    for _ in 0..5 {
+        let claim = store.claim("w", LEASE).await.unwrap().expect("it may be claimed again");
+        assert_eq!(claim.reconstruction.attempts, 1);
+        assert!(store.defer(&claim.lease, waits, Duration::from_secs(86_400), &fault).await.unwrap());
+        let record = store.reconstruction(id).await.unwrap().unwrap();
+        assert_eq!((record.state, record.attempts), (ReconstructionState::Queued, 0));
+        assert_eq!(record.error_code.as_deref(), Some("out_of_storage"));
+    }
+    let claim = store.claim("w", LEASE).await.unwrap().unwrap();
+    assert!(store.defer(&claim.lease, waits, Duration::ZERO, &fault).await.unwrap());
+    let record = store.reconstruction(id).await.unwrap().unwrap();
+    assert_eq!(
+        (record.state, record.error_code.as_deref()),
+        (ReconstructionState::Failed, Some("out_of_storage"))
+    );
+    assert!(record.error_detail.unwrap().starts_with("the disk is full"));
+}
+
+#[tokio::test]
+async fn what_this_process_holds_has_not_lost_its_worker() {
+    let (_dir, entrance, id) = one_job().await;
+    let store = &entrance.store;
+    store.claim("w", OVER).await.unwrap().unwrap();
+    expire().await;
+    assert_eq!(store.reclaim(Reclaim::Expired, 3, &[id]).await.unwrap(), []);
+    assert_eq!(store.reclaim(Reclaim::Expired, 3, &[]).await.unwrap().len(), 1);
 }

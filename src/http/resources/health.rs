@@ -56,8 +56,8 @@ pub(in crate::http) struct Dependency {
 
 /// Can the service work?
 ///
-/// Asks each dependency: the catalog, the data directory (writable, and with free space above the
-/// watermark), and the service itself (not shutting down).
+/// Asks each dependency: the catalog (a row is written, at most once in 5 s), the data directory
+/// (writable, and with free space above the watermark), and the service itself (not shutting down).
 #[utoipa::path(
     get,
     path = "/readyz",
@@ -98,6 +98,7 @@ pub(in crate::http) async fn metrics(State(context): State<Context>) -> impl Int
     if let Ok(bytes) = context.store.free_bytes() {
         context.metrics.set_free_disk_bytes(bytes);
     }
+    context.metrics.set_store_counts(context.store.counts());
     if let Ok(queued) = context.store.queued().await {
         context.metrics.set_queue_depth(queued);
     }

@@ -118,9 +118,10 @@ async fn file(
     }
     // Refuses before the body if the disk is full.
     drop(context.intake.begin().await?);
-    let mut spooled = tokio::fs::File::from_std(tempfile::tempfile_in(&context.config.storage.data_dir)?);
+    let mut spooled = tokio::fs::File::from_std(tempfile::tempfile_in(context.store.incoming())?);
     spooled.write_all(&head).await?;
     while let Some(chunk) = source.chunk().await? {
+        context.store.check_room(chunk.len() as u64)?;
         spooled.write_all(&chunk).await?;
     }
     spooled.flush().await?;

@@ -197,7 +197,7 @@ impl Arriving {
 /// instance would meet the same.
 fn fatal<T>(result: Result<T>) -> Result<Result<T>> {
     match result {
-        Err(error @ (Error::OutOfStorage | Error::ShuttingDown | Error::Busy(_) | Error::Internal(_))) => {
+        Err(error) if error.is_shortage() || matches!(error, Error::ShuttingDown | Error::Internal(_)) => {
             Err(error)
         }
         other => Ok(other),

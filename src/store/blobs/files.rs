@@ -39,6 +39,11 @@ impl Files {
         Ok(files)
     }
 
+    /// To be read: nothing is made or removed.
+    pub(crate) fn at(root: &Path) -> Self {
+        Self { root: root.to_owned() }
+    }
+
     /// The folder of unfinished files.
     pub(crate) fn incoming(&self) -> PathBuf {
         self.root.join(INCOMING)
@@ -107,22 +112,44 @@ impl Blobs for Files {
         Ok(())
     }
 
+    fn remove_all(&self, prefix: &str) -> io::Result<()> {
+        for key in keys_under(&self.root, vec![self.root.join(prefix)])? {
+            self.remove(&key)?;
+        }
+        Ok(())
+    }
+
+    fn modified_ms(&self, key: &str) -> io::Result<i64> {
+        let modified = fs::metadata(self.root.join(key))?.modified()?;
+        let since = modified.duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+        Ok(i64::try_from(since.as_millis()).unwrap_or(i64::MAX))
+    }
+
     fn keys(&self) -> io::Result<Vec<String>> {
-        let mut keys = Vec::new();
-        let mut folders: Vec<PathBuf> = FOLDERS.iter().map(|folder| self.root.join(folder)).collect();
-        while let Some(folder) = folders.pop() {
-            for entry in fs::read_dir(folder)? {
-                let entry = entry?;
-                if entry.file_type()?.is_dir() {
-                    folders.push(entry.path());
-                } else if let Some(key) = entry.path().strip_prefix(&self.root).ok().and_then(Path::to_str) {
-                    keys.push(key.to_owned());
-                }
+        keys_under(&self.root, FOLDERS.iter().map(|folder| self.root.join(folder)).collect())
+    }
+}
+
+/// The files in the folders and below, relative to `root`, in order; a folder that is not there
+/// has none.
+pub(crate) fn keys_under(root: &Path, mut folders: Vec<PathBuf>) -> io::Result<Vec<String>> {
+    let mut keys = Vec::new();
+    while let Some(folder) = folders.pop() {
+        let entries = match fs::read_dir(folder) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+            entries => entries?,
+        };
+        for entry in entries {
+            let entry = entry?;
+            if entry.file_type()?.is_dir() {
+                folders.push(entry.path());
+            } else if let Some(key) = entry.path().strip_prefix(root).ok().and_then(Path::to_str) {
+                keys.push(key.to_owned());
             }
         }
-        keys.sort_unstable();
-        Ok(keys)
     }
+    keys.sort_unstable();
+    Ok(keys)
 }
 
 /// Makes a folder if it is not there.
@@ -134,7 +161,7 @@ fn create_folder(folder: &Path) -> io::Result<()> {
 }
 
 /// Makes the names in `folder` durable.
-fn sync_folder(folder: &Path) -> io::Result<()> {
+pub(super) fn sync_folder(folder: &Path) -> io::Result<()> {
     File::open(folder)?.sync_all()
 }
 

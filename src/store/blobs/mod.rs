@@ -1,7 +1,7 @@
 //! Everything large: instances, clouds, reports. A blob is written once, whole, under a key of
-//! its own, and never changed. The catalog alone knows which keys count; a blob that no row names
-//! is rubbish that a crash left behind.
+//! its own, and never changed. The catalog alone knows which keys count.
 
+mod aside;
 mod files;
 
 use std::fmt::Debug;
@@ -9,7 +9,8 @@ use std::io::{self, Read, Seek};
 
 use tempfile::NamedTempFile;
 
-pub(crate) use files::Files;
+pub(crate) use aside::Aside;
+pub(crate) use files::{Files, keys_under};
 
 /// The bytes of a blob, to be read piece by piece.
 pub(crate) trait ReadBlob: Read + Seek + Debug + Send {}
@@ -30,6 +31,10 @@ pub(crate) trait Blobs: Debug + Send + Sync {
     fn open(&self, key: &str) -> io::Result<Box<dyn ReadBlob>>;
     /// Removes a blob; one that isn't there is no error.
     fn remove(&self, key: &str) -> io::Result<()>;
+    /// Removes every blob under a prefix of a result.
+    fn remove_all(&self, prefix: &str) -> io::Result<()>;
+    /// When it was last written, Unix ms.
+    fn modified_ms(&self, key: &str) -> io::Result<i64>;
     /// Every key.
     fn keys(&self) -> io::Result<Vec<String>>;
 }

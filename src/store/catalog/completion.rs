@@ -14,7 +14,7 @@ use crate::store::records::{
 };
 
 /// A completion that found the queue full is tried again after this time.
-const QUEUE_FULL_RETRY_MS: i64 = 1_000;
+pub(super) const QUEUE_FULL_RETRY_MS: i64 = 1_000;
 
 /// The settings by which series are collected and completed.
 #[derive(Debug)]

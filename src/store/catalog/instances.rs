@@ -144,7 +144,10 @@ impl Catalog {
     }
 }
 
-async fn find(connection: &mut Connection, uid: &SopInstanceUid) -> Result<Option<InstanceRecord>> {
+pub(super) async fn find(
+    connection: &mut Connection,
+    uid: &SopInstanceUid,
+) -> Result<Option<InstanceRecord>> {
     let row = sqlx::query("SELECT * FROM instances WHERE sop_uid = $1")
         .bind(uid.as_str())
         .fetch_optional(connection)
@@ -153,7 +156,7 @@ async fn find(connection: &mut Connection, uid: &SopInstanceUid) -> Result<Optio
 }
 
 /// Makes the series, or counts one instance more in it; either way it is receiving.
-async fn upsert_series(connection: &mut Connection, new: &NewInstance, now: i64) -> Result<()> {
+pub(super) async fn upsert_series(connection: &mut Connection, new: &NewInstance, now: i64) -> Result<()> {
     let header = &new.header;
     sqlx::query(
         "INSERT INTO series (series_uid, study_uid, frame_of_reference_uid, modality, description, patient_id, \
@@ -176,7 +179,7 @@ async fn upsert_series(connection: &mut Connection, new: &NewInstance, now: i64)
     Ok(())
 }
 
-async fn insert(connection: &mut Connection, new: &NewInstance, now: i64) -> Result<()> {
+pub(super) async fn insert(connection: &mut Connection, new: &NewInstance, now: i64) -> Result<()> {
     let header = &new.header;
     sqlx::query(
         "INSERT INTO instances (sop_uid, series_uid, study_uid, sop_class_uid, transfer_syntax_uid, \

@@ -8,11 +8,16 @@ mod clinical;
 mod completion;
 mod corrections;
 mod dialect;
+mod dump;
 mod identity;
 mod instances;
 mod leases;
 mod queue;
+mod reader;
+mod readiness;
 mod reconstructions;
+mod recovery;
+mod removed;
 mod retention;
 mod rows;
 mod schema;
@@ -27,9 +32,13 @@ use crate::error::Result;
 
 pub(crate) use completion::{Completion, End, Policy};
 pub(crate) use corrections::Settled;
-pub(crate) use dialect::Transaction;
+pub(crate) use dialect::{Transaction, files_of};
+pub(crate) use dump::{Columns, bytes};
 pub(crate) use instances::{Added, NewInstance, set_sha256};
-pub(crate) use retention::Removed;
+pub(crate) use leases::Ended;
+pub(crate) use reader::{CatalogReader, ResultRow};
+pub(crate) use recovery::Found;
+pub(crate) use removed::Removed;
 pub(crate) use schema::SchemaError;
 
 /// The catalog of one data directory. Cheap to clone.
@@ -42,25 +51,26 @@ pub(crate) struct Catalog {
 }
 
 impl Catalog {
-    /// Opens the file, or makes it, and brings it to this version's schema.
-    pub(crate) async fn open(file: &Path) -> Result<Self, SchemaError> {
+    /// Opens the file, or makes it if it `may_be_new`, and brings it to this version's schema.
+    pub(crate) async fn open(file: &Path, may_be_new: bool) -> Result<Self, SchemaError> {
         let (writer, readers) = dialect::open(file).await?;
-        let mut connection = writer.acquire().await?;
-        schema::migrate(&mut connection).await?;
-        identity::refresh(&mut connection).await?;
-        drop(connection);
+        let prepared = async {
+            let mut connection = writer.acquire().await?;
+            schema::migrate(&mut connection, may_be_new).await?;
+            Ok(identity::refresh(&mut connection).await?)
+        };
+        let prepared: Result<(), SchemaError> = prepared.await;
+        if let Err(error) = prepared {
+            readers.close().await;
+            writer.close().await;
+            return Err(error);
+        }
         Ok(Self { writer, readers, process: Uuid::new_v4().to_string() })
     }
 
     /// Begins a transaction that writes. Dropped without `commit`, it changes nothing.
     pub(crate) async fn begin(&self) -> Result<Transaction> {
-        Ok(self.writer.begin_with(dialect::BEGIN_WRITING).await?)
-    }
-
-    /// Whether the database answers.
-    pub(crate) async fn ping(&self) -> Result<()> {
-        sqlx::query("SELECT 1").execute(&self.readers).await?;
-        Ok(())
+        Ok(Transaction::begin(&self.writer).await?)
     }
 
     /// Ends all connections.

@@ -109,7 +109,8 @@ impl Catalog {
         let row = sqlx::query(
             "UPDATE reconstructions SET state = 'running', attempts = attempts + 1, fence = fence + 1, worker = $1, \
              lease_until_ms = $2, started_ms = $3, stage = NULL, fraction = 0.0, cancel_requested = FALSE \
-             WHERE id = (SELECT id FROM reconstructions WHERE state = 'queued' AND not_before_ms <= $3 \
+             WHERE id = (SELECT id FROM reconstructions WHERE state = 'queued' \
+                         AND (not_before_ms <= $3 OR not_before_ms > $3 + wait_ms) \
                          AND NOT EXISTS (SELECT 1 FROM series s WHERE s.series_uid = reconstructions.series_uid \
                                          AND s.identity_changing IS NOT NULL) \
                          ORDER BY not_before_ms, id LIMIT 1) \
@@ -225,9 +226,17 @@ pub(super) async fn enqueue(
 /// Makes a reconstruction that has ended wait for a worker again, as if it were new.
 pub(super) async fn queue_again(connection: &mut Connection, id: ReconstructionId, now: i64) -> Result<()> {
     sqlx::query(
+        "INSERT INTO removed_blobs (blob) SELECT result FROM reconstructions \
+         WHERE id = $1 AND result IS NOT NULL ON CONFLICT (blob) DO NOTHING",
+    )
+    .bind(id.to_string())
+    .execute(&mut *connection)
+    .await?;
+    sqlx::query(
         "UPDATE reconstructions SET state = 'queued', stage = NULL, fraction = 0.0, attempts = 0, \
          error_code = NULL, error_detail = NULL, error_instances = '[]', result = NULL, has_report = FALSE, \
-         superseded_by = NULL, software = $3, started_ms = NULL, finished_ms = NULL, not_before_ms = $2, cancel_requested = FALSE \
+         superseded_by = NULL, software = $3, started_ms = NULL, finished_ms = NULL, not_before_ms = $2, wait_ms = 0, \
+         deferred_since_ms = NULL, cancel_requested = FALSE \
          WHERE id = $1",
     )
     .bind(id.to_string())

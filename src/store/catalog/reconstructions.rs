@@ -46,6 +46,15 @@ impl Catalog {
         Ok(prefix.flatten())
     }
 
+    /// Whether a row names the result.
+    pub(crate) async fn names_result(&self, prefix: &str) -> Result<bool> {
+        let rows: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM reconstructions WHERE result = $1")
+            .bind(prefix)
+            .fetch_one(&self.readers)
+            .await?;
+        Ok(rows > 0)
+    }
+
     /// Removes it; `None` if there is none.
     pub(crate) async fn delete_reconstruction(&self, id: ReconstructionId) -> Result<Option<Removed>> {
         let mut tx = self.begin().await?;
@@ -58,8 +67,12 @@ impl Catalog {
             .bind(id.to_string())
             .execute(&mut *tx)
             .await?;
+        let removed = gone.map(|result| Removed { blobs: Vec::new(), results: result.into_iter().collect() });
+        if let Some(removed) = &removed {
+            super::removed::note(&mut tx, removed).await?;
+        }
         tx.commit().await?;
-        Ok(gone.map(|result| Removed { blobs: Vec::new(), results: result.into_iter().collect() }))
+        Ok(removed)
     }
 }
 

@@ -1,16 +1,8 @@
 //! Removal of what is older than configured: rows first; their blobs are rubbish from then on.
 
 use super::Catalog;
+use super::removed::{self, Removed};
 use crate::error::Result;
-
-/// Blobs that no row names any more.
-#[derive(Debug, Default, Clone, PartialEq, Eq)]
-pub(crate) struct Removed {
-    /// Keys.
-    pub(crate) blobs: Vec<String>,
-    /// Prefixes of results.
-    pub(crate) results: Vec<String>,
-}
 
 impl Catalog {
     /// Removes final reconstructions that ended before `before_ms`.
@@ -29,8 +21,9 @@ impl Catalog {
         )
         .execute(&mut *tx)
         .await?;
-        tx.commit().await?;
         let removed = Removed { blobs: Vec::new(), results: gone.iter().flatten().cloned().collect() };
+        removed::note(&mut tx, &removed).await?;
+        tx.commit().await?;
         Ok((gone.len() as u64, removed))
     }
 
@@ -65,6 +58,7 @@ impl Catalog {
         ] {
             sqlx::query(statement).bind(before_ms).execute(&mut *tx).await?;
         }
+        removed::note(&mut tx, &removed).await?;
         tx.commit().await?;
         Ok((old.len() as u64, removed))
     }

@@ -15,6 +15,9 @@ pub(crate) enum SchemaError {
         /// The latest one known here.
         known: i64,
     },
+    /// It holds nothing although it must.
+    #[error("the catalog is empty")]
+    Lost,
     /// The database's own error.
     #[error(transparent)]
     Database(#[from] sqlx::Error),
@@ -23,17 +26,21 @@ pub(crate) enum SchemaError {
     Rows(#[from] crate::error::Error),
 }
 
-/// Runs the steps that are missing, all in one transaction.
-pub(super) async fn migrate(connection: &mut Connection) -> Result<(), SchemaError> {
+/// Runs the steps that are missing, all in one transaction. A catalog without any is new, which
+/// `may_be_new` allows or not.
+pub(super) async fn migrate(connection: &mut Connection, may_be_new: bool) -> Result<(), SchemaError> {
     let mut tx = connection.begin_with(BEGIN_WRITING).await?;
     sqlx::query("CREATE TABLE IF NOT EXISTS schema_version (version BIGINT NOT NULL)")
         .execute(&mut *tx)
         .await?;
     let done: Vec<i64> = sqlx::query_scalar("SELECT version FROM schema_version").fetch_all(&mut *tx).await?;
     let found = done.iter().copied().max().unwrap_or(0);
-    let known = MIGRATIONS.iter().map(|step| step.0).max().unwrap_or(0);
+    let known = latest();
     if found > known {
         return Err(SchemaError::Newer { found, known });
+    }
+    if done.is_empty() && !may_be_new {
+        return Err(SchemaError::Lost);
     }
     for (version, sql) in MIGRATIONS.iter().filter(|(version, _)| !done.contains(version)) {
         sqlx::raw_sql(*sql).execute(&mut *tx).await?;
@@ -44,7 +51,14 @@ pub(super) async fn migrate(connection: &mut Connection) -> Result<(), SchemaErr
         tracing::info!(version, "catalog schema migrated");
     }
     tx.commit().await?;
+    // The schema leaves the log: a catalog that has lost its log still tells that it is not new.
+    sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").execute(connection).await?;
     Ok(())
+}
+
+/// The number of the last step.
+pub(super) fn latest() -> i64 {
+    MIGRATIONS.iter().map(|step| step.0).max().unwrap_or(0)
 }
 
 #[cfg(test)]
@@ -56,8 +70,8 @@ mod tests {
     async fn opening_twice_migrates_once() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("catalog.sqlite");
-        Catalog::open(&file).await.unwrap().close().await;
-        let catalog = Catalog::open(&file).await.unwrap();
+        Catalog::open(&file, true).await.unwrap().close().await;
+        let catalog = Catalog::open(&file, true).await.unwrap();
         let steps: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM schema_version")
             .fetch_one(&catalog.readers)
             .await
@@ -69,13 +83,13 @@ mod tests {
     async fn a_newer_schema_is_refused() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("catalog.sqlite");
-        let catalog = Catalog::open(&file).await.unwrap();
+        let catalog = Catalog::open(&file, true).await.unwrap();
         sqlx::query("INSERT INTO schema_version (version) VALUES (999)")
             .execute(&catalog.writer)
             .await
             .unwrap();
         catalog.close().await;
-        let error = Catalog::open(&file).await.unwrap_err();
+        let error = Catalog::open(&file, true).await.unwrap_err();
         assert!(matches!(error, SchemaError::Newer { found: 999, .. }), "{error}");
     }
 }

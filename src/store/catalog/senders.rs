@@ -3,7 +3,7 @@
 
 use uuid::Uuid;
 
-use super::completion::{Completion, Policy, complete};
+use super::completion::{Completion, Policy, QUEUE_FULL_RETRY_MS, complete};
 use super::corrections::{self, Settled};
 use super::dialect::Connection;
 use super::instances::signed;
@@ -60,6 +60,15 @@ impl Catalog {
         for uid in &orphaned {
             note_end(&mut tx, uid, SenderEnd::ServiceStopped, policy).await?;
         }
+        // Instances that were entered at the start: nobody sends them, and nobody said that they
+        // are all.
+        sqlx::query(
+            "UPDATE series SET due_ms = $1, due_reason = $2 WHERE state = 'receiving' AND due_ms IS NULL",
+        )
+        .bind(now_ms() + policy.quiet_ms)
+        .bind(CompleteReason::Quiet.name())
+        .execute(&mut *tx)
+        .await?;
         tx.commit().await?;
         Ok(orphaned)
     }
@@ -161,6 +170,44 @@ impl Catalog {
         Ok(sqlx::query_scalar("SELECT MIN(due_ms) FROM series WHERE due_ms IS NOT NULL")
             .fetch_one(&self.readers)
             .await?)
+    }
+
+    /// Brings back what a clock that was set back has moved away: a deadline is never farther off
+    /// than its full length, and no sender was heard in the future.
+    pub(crate) async fn follow_clock(&self, policy: &Policy) -> Result<()> {
+        let now = now_ms();
+        let short = policy.quiet_after_association_ms.max(QUEUE_FULL_RETRY_MS);
+        let strayed: i64 = sqlx::query_scalar(
+            "SELECT (SELECT COUNT(*) FROM series WHERE due_ms > $1 + CASE due_reason WHEN 'quiet' THEN $2 ELSE $3 END) \
+             + (SELECT COUNT(*) FROM open_senders WHERE heard_ms > $1)",
+        )
+        .bind(now)
+        .bind(policy.quiet_ms)
+        .bind(short)
+        .fetch_one(&self.readers)
+        .await?;
+        if strayed == 0 {
+            return Ok(());
+        }
+        let mut tx = self.begin().await?;
+        let moved = sqlx::query(
+            "UPDATE series SET due_ms = $1 + CASE due_reason WHEN 'quiet' THEN $2 ELSE $3 END \
+             WHERE due_ms > $1 + CASE due_reason WHEN 'quiet' THEN $2 ELSE $3 END",
+        )
+        .bind(now)
+        .bind(policy.quiet_ms)
+        .bind(short)
+        .execute(&mut *tx)
+        .await?;
+        sqlx::query("UPDATE open_senders SET heard_ms = $1 WHERE heard_ms > $1")
+            .bind(now)
+            .execute(&mut *tx)
+            .await?;
+        tx.commit().await?;
+        if moved.rows_affected() > 0 {
+            tracing::warn!(series = moved.rows_affected(), "the clock was set back; deadlines follow it");
+        }
+        Ok(())
     }
 
     /// Completes a series if it is still due, for the reason that its deadline was set for.

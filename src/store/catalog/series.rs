@@ -86,6 +86,7 @@ impl Catalog {
             .execute(&mut *tx)
             .await?;
         sqlx::query("DELETE FROM refused WHERE series_uid = $1").bind(uid.as_str()).execute(&mut *tx).await?;
+        super::removed::note(&mut tx, &removed).await?;
         tx.commit().await?;
         Ok((gone.rows_affected() > 0).then_some(removed))
     }

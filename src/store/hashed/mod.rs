@@ -81,6 +81,7 @@ pub(crate) fn put(blobs: &dyn Blobs, key: &str, bytes: &[u8]) -> io::Result<()> 
 }
 
 /// Removes a file and its companion.
+#[cfg(test)]
 pub(crate) fn remove(blobs: &dyn Blobs, key: &str) -> io::Result<()> {
     blobs.remove(&companion(key))?;
     blobs.remove(key)

@@ -1,0 +1,64 @@
+//! `triplanar check`.
+
+use std::path::PathBuf;
+
+use tokio::runtime::Runtime;
+
+use super::{Exit, Failed, Settings};
+use crate::store::{Checked, Store};
+
+/// Check every file of a data directory against its catalog
+///
+/// Reads all instances (size, SHA-256) and results, and the catalog itself; changes nothing, and may
+/// run beside the service. Exit code 6: something is missing or damaged.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    settings: Settings,
+    /// The data directory (setting storage.data_dir)
+    #[arg(long, value_name = "DIR")]
+    data_dir: Option<PathBuf>,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: Args) -> Result<(), Failed> {
+    let mut config = args.settings.load()?.storage;
+    config.data_dir = args.data_dir.unwrap_or(config.data_dir);
+    let runtime = Runtime::new().map_err(Failed::internal)?;
+    let checked = runtime.block_on(Store::check(&config)).map_err(|error| Failed::new(Exit::Input, error))?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&checked).map_err(Failed::internal)?);
+    } else {
+        print(&checked);
+    }
+    if !checked.is_damaged() {
+        return Ok(());
+    }
+    let count = checked.problems.iter().filter(|problem| problem.kind != "no_row").count();
+    Err(Failed::new(
+        Exit::Damaged,
+        format!(
+            "{count} problems: send damaged or missing instances again while the service runs, ask again for \
+             reconstructions whose result is damaged (remove them first), and look for a failing disk"
+        ),
+    ))
+}
+
+fn print(checked: &Checked) {
+    for problem in &checked.problems {
+        let of = problem.of.as_deref().unwrap_or("-");
+        println!("{:<10}  {}  {of}  {}", problem.kind, problem.path, problem.detail);
+    }
+    println!(
+        "{} instances ({} bytes), {} results, {} files set aside ({} bytes), {} problems{}",
+        checked.instances,
+        checked.bytes,
+        checked.results,
+        checked.set_aside_files,
+        checked.set_aside_bytes,
+        checked.problems.len(),
+        if checked.in_use { "; a service uses it" } else { "" }
+    );
+}

@@ -1,0 +1,64 @@
+//! `triplanar rebuild`.
+
+use std::path::PathBuf;
+
+use tokio::runtime::Runtime;
+
+use super::{Failed, Settings};
+use crate::store::{Rebuilt, Store};
+
+/// Make a new catalog from the files of a data directory whose catalog was lost
+///
+/// The service must be stopped. A former catalog is moved to set-aside/. What no file holds is
+/// listed.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    settings: Settings,
+    /// The data directory (setting storage.data_dir)
+    #[arg(long, value_name = "DIR")]
+    data_dir: Option<PathBuf>,
+    /// Also if the present catalog can be opened and is not empty
+    #[arg(long)]
+    replace: bool,
+    /// Print JSON instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: Args) -> Result<(), Failed> {
+    let mut config = args.settings.load()?.storage;
+    config.data_dir = args.data_dir.unwrap_or(config.data_dir);
+    let runtime = Runtime::new().map_err(Failed::internal)?;
+    let rebuilt = runtime.block_on(Store::rebuild(&config, args.replace)).map_err(Failed::internal)?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&rebuilt).map_err(Failed::internal)?);
+    } else {
+        print(&rebuilt);
+    }
+    Ok(())
+}
+
+fn print(rebuilt: &Rebuilt) {
+    let blobs = &rebuilt.blobs;
+    println!(
+        "{} series with {} instances, {} reconstructions",
+        rebuilt.series, blobs.instances, rebuilt.reconstructions
+    );
+    println!(
+        "Series without a reconstruction of all their instances get one after the quiet time, when the service runs."
+    );
+    if let Some(former) = &rebuilt.former_catalog {
+        println!("The former catalog is now set-aside/{former}.");
+    }
+    for path in &blobs.from_reports {
+        println!("entered as far as its report tells: {path}");
+    }
+    for blob in &blobs.set_aside {
+        println!("set aside: set-aside/{}: {}", blob.path, blob.reason);
+    }
+    println!("What can't come back:");
+    for lost in rebuilt.lost {
+        println!("  - {lost}");
+    }
+}

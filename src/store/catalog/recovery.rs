@@ -1,0 +1,241 @@
+//! Rows for blobs that have none: after a crash between file and row, after a catalog was lost.
+
+use sqlx::Row as _;
+
+use super::dialect::Connection;
+use super::dump::{self, Columns};
+use super::instances::{NewInstance, find, insert, set_sha256, upsert_series};
+use super::{Catalog, rows, schema, series};
+use crate::dicom::uid::SeriesInstanceUid;
+use crate::error::Result;
+use crate::store::records::ReconstructionId;
+use crate::store::recovery::ResultRecord;
+
+/// What became of a blob without a row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Found {
+    /// It has one now.
+    Entered,
+    /// The row of its instance named a blob that is gone; it names this one now, with the same
+    /// data set.
+    Repaired,
+    /// It can't have one: why.
+    Refused(&'static str),
+}
+
+impl Catalog {
+    /// Enters an instance whose blob has no row. Its series is receiving then, due when the service
+    /// next starts its timers. `is_there` tells whether a blob exists.
+    pub(crate) async fn enter_found(
+        &self,
+        new: &NewInstance,
+        modified_ms: i64,
+        is_there: impl Fn(&str) -> bool,
+    ) -> Result<Found> {
+        let mut tx = self.begin().await?;
+        if let Some(row) = find(&mut tx, &new.header.sop_instance_uid).await? {
+            if row.data_set_sha256 != new.data_set_sha256 || is_there(&row.blob) {
+                return Ok(Found::Refused("another copy of an instance that is stored"));
+            }
+            point_to(&mut tx, new).await?;
+            tx.commit().await?;
+            return Ok(Found::Repaired);
+        }
+        let uid = &new.header.series_instance_uid;
+        let before = series::one(&mut tx, uid).await?;
+        if before.is_some_and(|series| series.study_instance_uid != new.header.study_instance_uid) {
+            return Ok(Found::Refused("its series belongs to another study"));
+        }
+        upsert_series(&mut tx, new, modified_ms).await?;
+        insert(&mut tx, new, modified_ms).await?;
+        sqlx::query(
+            "UPDATE series SET created_ms = (SELECT MIN(received_ms) FROM instances WHERE series_uid = $1), \
+             updated_ms = (SELECT MAX(received_ms) FROM instances WHERE series_uid = $1) WHERE series_uid = $1",
+        )
+        .bind(uid.as_str())
+        .execute(&mut *tx)
+        .await?;
+        tx.commit().await?;
+        Ok(Found::Entered)
+    }
+
+    /// Enters a result whose reconstruction has no row, its series too if that has none.
+    pub(crate) async fn enter_result(&self, record: &ResultRecord, prefix: &str) -> Result<Found> {
+        let mut tx = self.begin().await?;
+        let text = |name: &str| record.reconstruction.get(name).and_then(|value| value.as_str());
+        let (Some(id), Some(uid)) = (text("id"), text("series_uid")) else {
+            return Ok(Found::Refused("its record names no reconstruction and series"));
+        };
+        let (Ok(_), Ok(uid)) = (id.parse::<ReconstructionId>(), uid.parse::<SeriesInstanceUid>()) else {
+            return Ok(Found::Refused("its record names no reconstruction and series"));
+        };
+        let known = sqlx::query("SELECT id FROM reconstructions WHERE id = $1")
+            .bind(id)
+            .fetch_optional(&mut *tx)
+            .await?;
+        if known.is_some() {
+            return Ok(Found::Refused("its reconstruction has another result, or none yet"));
+        }
+        if series::one(&mut tx, &uid).await?.is_none() {
+            let mut row = record.series.clone();
+            row.extend([("instances".into(), 0.into()), ("bytes".into(), 0.into())]);
+            row.extend([("due_ms".into(), ().into()), ("due_reason".into(), ().into())]);
+            dump::insert(&mut tx, "series", &row).await?;
+        }
+        let mut row = record.reconstruction.clone();
+        row.insert("result".into(), prefix.into());
+        row.insert("superseded_by".into(), ().into());
+        if row.get("state").is_some_and(|state| state == "superseded") {
+            row.insert("state".into(), "succeeded".into());
+        }
+        if dump::insert(&mut tx, "reconstructions", &row).await.is_err() {
+            return Ok(Found::Refused("its record can't be entered"));
+        }
+        restore_revision(&mut tx, &uid, id, record).await?;
+        tx.commit().await?;
+        Ok(Found::Entered)
+    }
+
+    /// Of several succeeded reconstructions of a series with the same parameters, that of the
+    /// highest revision stands; the others are superseded by it.
+    pub(crate) async fn supersede_all(&self) -> Result<()> {
+        let mut tx = self.begin().await?;
+        sqlx::query(
+            "UPDATE reconstructions SET state = 'superseded', superseded_by = \
+             (SELECT r.id FROM reconstructions r WHERE r.series_uid = reconstructions.series_uid \
+              AND r.parameters_sha256 = reconstructions.parameters_sha256 AND r.state = 'succeeded' \
+              AND r.revision > reconstructions.revision ORDER BY r.revision DESC LIMIT 1) \
+             WHERE state = 'succeeded' AND EXISTS \
+             (SELECT 1 FROM reconstructions r WHERE r.series_uid = reconstructions.series_uid \
+              AND r.parameters_sha256 = reconstructions.parameters_sha256 AND r.state = 'succeeded' \
+              AND r.revision > reconstructions.revision)",
+        )
+        .execute(&mut *tx)
+        .await?;
+        Ok(tx.commit().await?)
+    }
+
+    /// Points the row of an instance to a new blob with the same data set.
+    pub(crate) async fn replace_blob(&self, new: &NewInstance) -> Result<bool> {
+        let mut tx = self.begin().await?;
+        let Some(row) = find(&mut tx, &new.header.sop_instance_uid).await? else { return Ok(false) };
+        if row.data_set_sha256 != new.data_set_sha256 {
+            return Ok(false);
+        }
+        point_to(&mut tx, new).await?;
+        let former = super::Removed { blobs: vec![row.blob], results: Vec::new() };
+        super::removed::note(&mut tx, &former).await?;
+        tx.commit().await?;
+        Ok(true)
+    }
+
+    /// Whether nothing at all is entered.
+    pub(crate) async fn is_empty(&self) -> Result<bool> {
+        let series: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM series").fetch_one(&self.readers).await?;
+        Ok(series == 0)
+    }
+
+    /// Identity of the set of all instances that are stored of a series, and how many they are.
+    pub(crate) async fn stored_set(&self, uid: &SeriesInstanceUid) -> Result<([u8; 32], u64)> {
+        let instances = self.instances(uid).await?;
+        Ok((set_sha256(&instances), instances.len() as u64))
+    }
+
+    /// Whether there is a reconstruction of this set of instances with these parameters.
+    pub(crate) async fn has_reconstruction(
+        &self,
+        uid: &SeriesInstanceUid,
+        set: &[u8; 32],
+        parameters: &[u8; 32],
+    ) -> Result<bool> {
+        let rows: i64 = sqlx::query_scalar(
+            "SELECT COUNT(*) FROM reconstructions \
+             WHERE series_uid = $1 AND instances_sha256 = $2 AND parameters_sha256 = $3",
+        )
+        .bind(uid.as_str())
+        .bind(set.as_slice())
+        .bind(parameters.as_slice())
+        .fetch_one(&self.readers)
+        .await?;
+        Ok(rows > 0)
+    }
+
+    /// How many series and reconstructions there are.
+    pub(crate) async fn counts(&self) -> Result<(i64, i64)> {
+        let series = sqlx::query_scalar("SELECT COUNT(*) FROM series").fetch_one(&self.readers).await?;
+        let reconstructions =
+            sqlx::query_scalar("SELECT COUNT(*) FROM reconstructions").fetch_one(&self.readers).await?;
+        Ok((series, reconstructions))
+    }
+
+    /// Writes everything into the database's own file.
+    pub(crate) async fn checkpoint(&self) -> Result<()> {
+        sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").execute(&self.writer).await?;
+        Ok(())
+    }
+}
+
+async fn point_to(connection: &mut Connection, new: &NewInstance) -> Result<()> {
+    sqlx::query("UPDATE instances SET blob = $2, size = $3 WHERE sop_uid = $1")
+        .bind(new.header.sop_instance_uid.as_str())
+        .bind(new.blob.as_str())
+        .bind(super::instances::signed(new.size))
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+/// The series and its instances know the revision that the result was made from.
+async fn restore_revision(
+    connection: &mut Connection,
+    uid: &SeriesInstanceUid,
+    id: &str,
+    record: &ResultRecord,
+) -> Result<()> {
+    sqlx::query(
+        "UPDATE series SET revision = (SELECT revision FROM reconstructions WHERE id = $2), \
+         instances_sha256 = (SELECT instances_sha256 FROM reconstructions WHERE id = $2) \
+         WHERE series_uid = $1 AND revision < (SELECT revision FROM reconstructions WHERE id = $2)",
+    )
+    .bind(uid.as_str())
+    .bind(id)
+    .execute(&mut *connection)
+    .await?;
+    for instance in &record.instances {
+        sqlx::query(
+            "UPDATE instances SET revision = (SELECT revision FROM reconstructions WHERE id = $3) \
+             WHERE sop_uid = $1 AND series_uid = $2 AND (revision IS NULL \
+             OR revision > (SELECT revision FROM reconstructions WHERE id = $3))",
+        )
+        .bind(instance)
+        .bind(uid.as_str())
+        .bind(id)
+        .execute(&mut *connection)
+        .await?;
+    }
+    Ok(())
+}
+
+/// What a result needs to get its row back: the rows of its reconstruction and series as they are
+/// in this transaction, and the instances that it was made from.
+pub(super) async fn record(connection: &mut Connection, id: ReconstructionId) -> Result<ResultRecord> {
+    let row = sqlx::query("SELECT * FROM reconstructions WHERE id = $1")
+        .bind(id.to_string())
+        .fetch_one(&mut *connection)
+        .await?;
+    let uid: String = row.try_get("series_uid")?;
+    let revision: i64 = rows::number(&row, "revision")?;
+    let series = sqlx::query("SELECT * FROM series WHERE series_uid = $1")
+        .bind(&uid)
+        .fetch_one(&mut *connection)
+        .await?;
+    let instances: Vec<String> = sqlx::query_scalar(
+        "SELECT sop_uid FROM instances WHERE series_uid = $1 AND revision <= $2 ORDER BY sop_uid",
+    )
+    .bind(&uid)
+    .bind(revision)
+    .fetch_all(connection)
+    .await?;
+    let (reconstruction, series): (Columns, Columns) = (dump::columns(&row)?, dump::columns(&series)?);
+    Ok(ResultRecord::new(schema::latest(), reconstruction, series, instances))
+}

@@ -1,0 +1,194 @@
+//! Blobs without a row: entered again, or set aside; never deleted, unless the transaction that
+//! took their row noted them (`catalog/removed.rs`).
+//!
+//! | what a blob without a row is | what becomes of it |
+//! |---|---|
+//! | noted as removed | it is removed |
+//! | an instance that is not stored | entered: it is what was sent, and its sender may count on it |
+//! | an instance whose row names a blob that is gone, with the same data set | the row names it |
+//! | a result whose reconstruction is unknown | entered from its record, or as far as its report tells |
+//! | anything else | set aside under `set-aside/`, for so many days and bytes |
+//!
+//! An instance that was never acknowledged because of a crash does no harm when it is entered: its
+//! sender sends it again, and is told that it is there.
+
+mod from_report;
+mod rebuild;
+mod record;
+
+use std::collections::{BTreeMap, HashSet};
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use super::blobs::{Aside, Blobs};
+use super::blocking;
+use super::catalog::{Catalog, Found, NewInstance};
+use super::reading::REPORT;
+use super::verify::fingerprint;
+use crate::dicom::header::InstanceHeader;
+use crate::dicom::scan::{self, Encoding, Limits};
+use crate::error::Result;
+
+pub use rebuild::Rebuilt;
+pub(super) use record::RECORD;
+pub(crate) use record::ResultRecord;
+
+/// A blob that could not get a row, and why.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct SetAside {
+    /// Its path below `set-aside/`.
+    pub path: String,
+    /// Why.
+    pub reason: String,
+}
+
+/// What became of the blobs without a row.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Recovered {
+    /// Instances that have a row again.
+    pub instances: u64,
+    /// Instances whose row named a blob that was gone.
+    pub repaired: u64,
+    /// Results that have their row again.
+    pub results: u64,
+    /// Results of which only the report told: what it does not tell is lost.
+    pub from_reports: Vec<String>,
+    /// The others.
+    pub set_aside: Vec<SetAside>,
+}
+
+/// Where blobs without a row are looked for, and what they get.
+pub(super) struct Recovery<'a> {
+    pub(super) catalog: &'a Catalog,
+    pub(super) blobs: Arc<dyn Blobs>,
+    pub(super) aside: Aside,
+}
+
+impl Recovery<'_> {
+    /// Gives every blob without a row its row, or sets it aside.
+    pub(super) async fn run(&self) -> Result<Recovered> {
+        let (instances, results) = self.catalog.named_blobs().await?;
+        let blobs = Arc::clone(&self.blobs);
+        let keys = blocking(move || Ok(blobs.keys()?)).await?;
+        let all: Arc<HashSet<String>> = Arc::new(keys.iter().cloned().collect());
+        let (instances, results): (HashSet<_>, HashSet<_>) =
+            (instances.into_iter().collect(), results.into_iter().collect());
+        let mut found_instances = Vec::new();
+        let mut found_results: BTreeMap<String, Vec<String>> = BTreeMap::new();
+        for key in keys {
+            match key.rsplit_once('/') {
+                Some((prefix, _)) if key.starts_with("results/") => {
+                    if !results.contains(prefix) {
+                        found_results.entry(prefix.to_owned()).or_default().push(key);
+                    }
+                }
+                _ if instances.contains(&key) => {}
+                _ => found_instances.push(key),
+            }
+        }
+        let mut recovered = Recovered::default();
+        self.instances(found_instances, &all, &mut recovered).await?;
+        self.results(found_results, &mut recovered).await?;
+        Ok(recovered)
+    }
+
+    /// The latest first: what they say of the patient becomes what the series says.
+    async fn instances(
+        &self,
+        keys: Vec<String>,
+        all: &Arc<HashSet<String>>,
+        recovered: &mut Recovered,
+    ) -> Result<()> {
+        let mut found = Vec::new();
+        for key in keys {
+            let blobs = Arc::clone(&self.blobs);
+            let read = move || {
+                let instance = examine(&*blobs, &key)?;
+                Ok((key, instance))
+            };
+            match blocking(read).await? {
+                (_, Some(instance)) => found.push(instance),
+                (key, None) => self.set_aside(key, "no instance that can be read", recovered).await?,
+            }
+        }
+        found.sort_by(|(a, former), (b, latter)| latter.cmp(former).then_with(|| a.blob.cmp(&b.blob)));
+        for (instance, modified_ms) in found {
+            match self.catalog.enter_found(&instance, modified_ms, |blob| all.contains(blob)).await? {
+                Found::Entered => recovered.instances += 1,
+                Found::Repaired => recovered.repaired += 1,
+                Found::Refused(reason) => self.set_aside(instance.blob, reason, recovered).await?,
+            }
+        }
+        Ok(())
+    }
+
+    async fn results(
+        &self,
+        prefixes: BTreeMap<String, Vec<String>>,
+        recovered: &mut Recovered,
+    ) -> Result<()> {
+        // Ids are UUIDv7: the latest comes first.
+        for (prefix, keys) in prefixes.into_iter().rev() {
+            let found = match self.blob(format!("{prefix}/{RECORD}")).await {
+                Some(json) => match ResultRecord::from_json(&json) {
+                    Some(record) => self.catalog.enter_result(&record, &prefix).await?,
+                    None => Found::Refused("its record can't be read"),
+                },
+                None => self.from_report(&prefix, &keys, recovered).await?,
+            };
+            match found {
+                Found::Refused(reason) => {
+                    for key in keys {
+                        self.set_aside(key, reason, recovered).await?;
+                    }
+                }
+                Found::Entered | Found::Repaired => recovered.results += 1,
+            }
+        }
+        if recovered.results > 0 {
+            self.catalog.supersede_all().await?;
+        }
+        Ok(())
+    }
+
+    /// A result of a version that wrote no records.
+    async fn from_report(&self, prefix: &str, keys: &[String], recovered: &mut Recovered) -> Result<Found> {
+        let Some(report) = self.blob(format!("{prefix}/{REPORT}")).await else {
+            return Ok(Found::Refused("neither a record nor a report"));
+        };
+        let (blobs, key) = (Arc::clone(&self.blobs), format!("{prefix}/{REPORT}"));
+        let written_ms = blocking(move || Ok(blobs.modified_ms(&key)?)).await?;
+        let Some(record) = from_report::record(self.catalog, prefix, &report, keys, written_ms).await? else {
+            return Ok(Found::Refused("its report can't be read"));
+        };
+        let found = self.catalog.enter_result(&record, prefix).await?;
+        if found == Found::Entered {
+            recovered.from_reports.push(prefix.to_owned());
+        }
+        Ok(found)
+    }
+
+    async fn blob(&self, key: String) -> Option<Vec<u8>> {
+        let blobs = Arc::clone(&self.blobs);
+        blocking(move || Ok(blobs.read(&key)?)).await.ok()
+    }
+
+    async fn set_aside(&self, key: String, reason: &str, recovered: &mut Recovered) -> Result<()> {
+        let (aside, path) = (self.aside.clone(), key.clone());
+        blocking(move || Ok(aside.take(&path)?)).await?;
+        recovered.set_aside.push(SetAside { path: key, reason: reason.to_owned() });
+        Ok(())
+    }
+}
+
+/// What the blob of an instance is, and when it was written; `None` if it is no instance.
+fn examine(blobs: &dyn Blobs, key: &str) -> std::io::Result<Option<(NewInstance, i64)>> {
+    let bytes = blobs.read(key)?;
+    let scanned = scan::scan(std::io::Cursor::new(&bytes), &Encoding::Part10, &Limits::default());
+    let Ok(scan) = scanned else { return Ok(None) };
+    let header: InstanceHeader = scan.header;
+    let Some(data_set_sha256) = fingerprint(&bytes) else { return Ok(None) };
+    let instance = NewInstance { header, blob: key.to_owned(), size: bytes.len() as u64, data_set_sha256 };
+    Ok(Some((instance, blobs.modified_ms(key)?)))
+}

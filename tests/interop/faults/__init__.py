@@ -1,0 +1,1 @@
+"""Faults of the machine against a running service."""
