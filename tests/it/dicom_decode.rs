@@ -218,6 +218,25 @@ fn a_stream_of_another_size_than_the_data_set_says_is_refused() {
 }
 
 #[test]
+fn a_shortened_stream_is_refused() {
+    for (name, syntax) in [
+        ("lossless_signed.dcm", "1.2.840.10008.1.2.4.201"),
+        ("lossless_unsigned_rpcl.dcm", "1.2.840.10008.1.2.4.202"),
+        ("lossy_unsigned.dcm", "1.2.840.10008.1.2.4.203"),
+    ] {
+        let whole = stream(name);
+        for percent in [5, 20, 50, 80, 95, 99] {
+            let cut = &whole[..whole.len() * percent / 100];
+            let file = enhanced(1, u16::from(name == "lossless_signed.dcm"), 16)
+                .fragments(&[], &[cut])
+                .part10(ENHANCED_CT, "1.2.3.4", syntax);
+            let error = stored_values(&file, &Limits::default()).expect_err("a part of a stream");
+            assert!(matches!(error, PixelError::Decode(_)), "{name}, {percent} %: {error}");
+        }
+    }
+}
+
+#[test]
 fn rle_is_what_the_standard_says() {
     // Two rows of two 16-bit pixels: 0x0102, 0x0102, 0x0102, 0x0304 (PS3.5 section G): most
     // significant bytes 01 01 01 03, then least significant 02 02 02 04.
