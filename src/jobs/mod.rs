@@ -14,6 +14,8 @@
 //! | clouds and report are stored | `succeeded` |
 //! | the series is at fault, or it shows no skin (`empty_cloud`, `no_head`, …) | `failed`, with the report if there is one |
 //! | a passing fault, a full disk, a panic (`internal`) | `queued` after a back-off; `failed` after `jobs.max_attempts` |
+//! | others hold the memory budget (`out_of_memory_budget`) | `queued`, as after a passing fault |
+//! | it could never fit into the budget (`too_large_for_memory`), or its parameters ask for too much (`too_costly`) | `failed` |
 //! | `jobs.timeout` has passed | `failed`, `timeout` |
 //! | the process died | `queued` at the next start; `failed`, `worker_died`, after `jobs.max_attempts` |
 //! | the service shuts down | `queued`, the attempt not counted |
