@@ -13,9 +13,10 @@
 //! |---|---|
 //! | clouds and report are stored | `succeeded` |
 //! | the series is at fault, or it shows no skin (`empty_cloud`, `no_head`, …) | `failed`, with the report if there is one |
-//! | a shortage that the process survives: disk (`out_of_storage`), descriptors, memory | `queued` after a back-off, the attempt not counted; `failed` after a day of it |
+//! | a shortage that the process survives: disk (`out_of_storage`), descriptors, memory (`out_of_memory_budget`) | `queued` after a back-off, the attempt not counted; `failed` after a day of it |
 //! | a stored instance is missing or changed | `failed`, `blob_missing` or `blob_damaged` |
 //! | another passing fault, a panic (`internal`) | `queued` after a back-off; `failed` after `jobs.max_attempts` |
+//! | it could never fit into the budget (`too_large_for_memory`), or its parameters ask for too much (`too_costly`) | `failed` |
 //! | `jobs.timeout` has passed | `failed`, `timeout` |
 //! | the process died | `queued` at the next start; `failed`, `worker_died`, after `jobs.max_attempts` |
 //! | the service shuts down | `queued`, the attempt not counted |

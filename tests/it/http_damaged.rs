@@ -86,8 +86,8 @@ async fn a_cloud_that_is_streamed_has_every_byte_in_every_form_and_part() {
     let (mut unpacked, packed) = (Vec::new(), packed.bytes().await.unwrap());
     std::io::Read::read_to_end(&mut flate2::read::GzDecoder::new(&*packed), &mut unpacked).unwrap();
     assert!(unpacked == ascii);
-    let filtered = server.get(&format!("{path}&max_error_mm=0.2")).send().await.unwrap();
-    assert!(filtered.text().await.unwrap().contains("element vertex 0\n"), "every error is 0.25 mm");
+    let some = server.get(&format!("{path}&max_error_mm=0.25")).send().await.unwrap();
+    assert!(some.text().await.unwrap().contains("element vertex 60000\n"), "every error is 0.25 mm");
 }
 
 #[tokio::test]
