@@ -4,12 +4,12 @@
 //! it otherwise, so that the choice can be checked on any machine. The peak memory of the whole
 //! process up to the first reconstruction's end is printed (it includes making the phantom).
 
+mod stopwatch;
 mod twins;
 
 use std::hint::black_box;
-use std::time::Duration;
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use stopwatch::timed;
 use triplanar::dicom::Volume;
 use triplanar::geometry::Plane;
 use triplanar::phantom::{Options, Phantom};
@@ -23,56 +23,43 @@ fn volume() -> Volume {
     Phantom::new(options).expect("options within their ranges").volume()
 }
 
-fn whole(c: &mut Criterion) {
+fn main() {
     let volume = volume();
-    let parameters = Parameters::paper();
-    let run = || reconstruct(&volume, &parameters, &Silent).expect("a head");
+    whole(&volume);
+    contours(&volume);
+    outliers(&volume);
+}
+
+fn whole(volume: &Volume) {
+    println!("volume to cloud, 512 x 512 x 280, leaf 1");
+    let run = |parameters: &Parameters| reconstruct(volume, parameters, &Silent).expect("a head");
+    let (paper, precise) = (Parameters::paper(), Parameters::precise());
     let started = std::time::Instant::now();
-    let points = run().triplanar.len();
-    eprintln!("first run: {points} points, {:?}, peak memory {}", started.elapsed(), twins::peak_memory());
-    let mut group = c.benchmark_group("volume to cloud");
-    group.sample_size(10).measurement_time(Duration::from_secs(20));
-    group.bench_function("512 x 512 x 280, leaf 1, paper", |b| b.iter(|| black_box(run())));
-    let parameters = Parameters::precise();
-    group.bench_function("512 x 512 x 280, leaf 1, precise", |b| {
-        b.iter(|| black_box(reconstruct(&volume, &parameters, &Silent).expect("a head")));
-    });
-    group.finish();
+    let points = run(&paper).triplanar.len();
+    println!("  first run: {points} points, {:?}, peak memory {}", started.elapsed(), twins::peak_memory());
+    timed("paper", 10, || run(&paper));
+    timed("precise", 10, || run(&precise));
 }
 
-fn contours(c: &mut Criterion) {
-    let volume = volume();
-    let parameters = Parameters::paper();
+fn contours(volume: &Volume) {
+    println!("external contours of a slice");
     let slice = slices::view(&volume.hu, Plane::Axial, 140).expect("the middle slice");
-    let mask = mask(slice, &parameters);
-    let mut group = c.benchmark_group("external contours of a slice");
-    group.bench_function("ours", |b| b.iter(|| external_contours(&mut black_box(mask.clone()))));
+    let mask = mask(slice, &Parameters::paper());
+    timed("ours", 1000, || external_contours(&mut black_box(mask.clone())));
     let image = twins::padded_image(&mask);
-    group.bench_function("imageproc", |b| b.iter(|| twins::imageproc_contours(black_box(&image))));
-    group.finish();
+    timed("imageproc", 1000, || twins::imageproc_contours(black_box(&image)));
 }
 
-fn outliers(c: &mut Criterion) {
+fn outliers(volume: &Volume) {
+    println!("outliers of a cloud");
     let mut parameters = Parameters::paper();
     parameters.radius_outlier.min_neighbours = 0;
     parameters.statistical_outlier.neighbours = 0;
-    let cloud = reconstruct(&volume(), &parameters, &Silent).expect("a head").triplanar;
+    let cloud = reconstruct(volume, &parameters, &Silent).expect("a head").triplanar;
     let defaults = Parameters::paper();
-    let mut group = c.benchmark_group("outliers of a cloud");
-    group.sample_size(10);
-    group.bench_function("radius: ours", |b| {
-        b.iter(|| radius_outlier::kept(black_box(&cloud.points), &defaults.radius_outlier, &Silent));
-    });
-    group.bench_function("radius: kiddo", |b| {
-        b.iter(|| twins::kiddo_radius(black_box(&cloud.points), &defaults.radius_outlier));
-    });
-    group.bench_function("statistical: ours", |b| {
-        b.iter(|| {
-            statistical_outlier::kept(black_box(&cloud.points), &defaults.statistical_outlier, &Silent)
-        });
-    });
-    group.finish();
+    let (points, radius) = (&cloud.points, &defaults.radius_outlier);
+    timed("radius: ours", 10, || radius_outlier::kept(black_box(points), radius, &Silent));
+    timed("radius: kiddo", 10, || twins::kiddo_radius(black_box(points), radius));
+    let statistical = &defaults.statistical_outlier;
+    timed("statistical: ours", 10, || statistical_outlier::kept(black_box(points), statistical, &Silent));
 }
-
-criterion_group!(benches, whole, contours, outliers);
-criterion_main!(benches);
