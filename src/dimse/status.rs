@@ -58,6 +58,7 @@ impl From<&Error> for Refusal {
             Error::ConflictingInstance(_) => format!("{code}: stored with other content"),
             Error::ConflictingSeries(_) => format!("{code}: stored in another series or study"),
             Error::ConflictingStudy(_) => format!("{code}: its series is of another study"),
+            Error::ConflictingIdentity(_) => format!("{code}: stored with another identity"),
             Error::SeriesFull { limit, setting } => format!("{code}: {limit} ({setting})"),
             Error::TooLarge { limit_bytes, setting } => format!("{code}: over {limit_bytes} ({setting})"),
             Error::UnsupportedTransferSyntax(uid) => format!("{code}: {uid}"),

@@ -44,7 +44,15 @@ impl Intake {
         let (store, policy, sender) = (&self.shared.store, &self.shared.policy, announced.sender.id());
         let (uid, series) = (&new.header.sop_instance_uid, &new.header.series_instance_uid);
         for _ in 0..TRIES {
-            let fields = match self.compare(&stored, new).await? {
+            let compared = self.compare(&stored, new).await;
+            if compared.is_err()
+                && let Some(now) = store.instance(uid).await?.filter(|now| now.blob != stored.blob)
+            {
+                // Another sender replaced it meanwhile: what is stored now is compared.
+                stored = now;
+                continue;
+            }
+            let fields = match compared? {
                 Comparison::Same => {
                     self.confirmed(&new.header, announced).await?;
                     return Ok(false);
@@ -91,7 +99,9 @@ impl Intake {
         let limits = self.shared.scan_limits;
         let mut read = Vec::new();
         for (_, blob) in store.catalog().without_identity(series).await? {
-            let bytes = store.instance_bytes(&blob).await?;
+            // One that was replaced meanwhile has its identity; without that of an unreadable one the
+            // change is not over.
+            let Ok(bytes) = store.instance_bytes(&blob).await else { continue };
             let identity =
                 blocking(move || Ok(scan(Cursor::new(bytes), &Encoding::Part10, &limits)?.header.identity));
             read.push((blob, identity.await?));

@@ -58,6 +58,7 @@ fn the_statement_gives_every_refusal_of_an_instance_its_status() {
         Error::ConflictingInstance(uid.parse().unwrap()),
         Error::ConflictingSeries(uid.parse().unwrap()),
         Error::ConflictingStudy(uid.parse().unwrap()),
+        Error::ConflictingIdentity(uid.parse().unwrap()),
         Error::SeriesFull { limit: 0, setting: "" },
         Error::UnsupportedTransferSyntax(uid.parse().unwrap()),
         Error::UnsupportedSopClass(uid.parse().unwrap()),

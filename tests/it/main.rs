@@ -43,6 +43,7 @@ mod http_crowd;
 mod http_damaged;
 mod http_description;
 mod http_events;
+mod http_identity;
 mod http_limits;
 mod http_results;
 mod http_stow;
