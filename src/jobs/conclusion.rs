@@ -31,8 +31,8 @@ enum End<'a> {
     Retry(Duration, &'a Fault),
     /// Again, as if it had not been claimed, when there may be enough of what was short.
     Deferred(&'a Fault),
-    /// For good, with the report if there is one.
-    Failed(&'a Fault, Option<Vec<u8>>),
+    /// For good, with the report if there is one, and what its pictures are drawn from.
+    Failed(&'a Fault, Option<Vec<u8>>, Option<Vec<u8>>),
 }
 
 impl Shared {
@@ -63,6 +63,7 @@ impl Shared {
             figures: product.report.figures.clone(),
             quality: product.report.quality.clone(),
             clouds: product.clouds.into(),
+            pictures: product.pictures,
         };
         match self.store.finish_success(&claim.lease, &outcome).await {
             Ok(held) => {
@@ -118,7 +119,7 @@ impl Shared {
                 self.count_rejections(report);
             }
             let report = failure.report.map(|report| report_json::write(&report));
-            self.end(claim, &End::Failed(&fault, report), shutdown).await;
+            self.end(claim, &End::Failed(&fault, report, failure.pictures), shutdown).await;
         }
     }
 
@@ -154,8 +155,10 @@ impl Shared {
                 let waits = (self.settings.retry_backoff.min(LONGEST_WAIT), LONGEST_WAIT);
                 self.store.defer(&claim.lease, waits, PATIENCE, fault).await
             }
-            End::Failed(fault, report) => {
-                self.store.finish_failure(&claim.lease, fault, report.as_deref()).await
+            End::Failed(fault, report, pictures) => {
+                self.store
+                    .finish_failure_with(&claim.lease, fault, report.as_deref(), pictures.as_deref())
+                    .await
             }
         }
     }
@@ -203,6 +206,7 @@ fn timed_out(timeout: Duration) -> Failure {
         ),
         instances: Vec::new(),
         report: None,
+        pictures: None,
         transient: false,
     }
 }
