@@ -117,6 +117,7 @@ fn passing(code: &str, detail: &str) -> Failure {
         detail: detail.to_owned(),
         instances: Vec::new(),
         report: None,
+        pictures: None,
         transient: true,
     }
 }

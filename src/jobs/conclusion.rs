@@ -24,8 +24,8 @@ enum End<'a> {
     Released,
     /// Again, not before that time (Unix ms).
     Retry(i64, &'a Fault),
-    /// For good, with the report if there is one.
-    Failed(&'a Fault, Option<Vec<u8>>),
+    /// For good, with the report if there is one, and what its pictures are drawn from.
+    Failed(&'a Fault, Option<Vec<u8>>, Option<Vec<u8>>),
 }
 
 impl Shared {
@@ -47,6 +47,7 @@ impl Shared {
             figures: product.report.figures.clone(),
             quality: product.report.quality.clone(),
             clouds: product.clouds.into(),
+            pictures: product.pictures,
         };
         match self.store.finish_success(&claim.lease, &outcome).await {
             Ok(held) => {
@@ -85,7 +86,7 @@ impl Shared {
                 self.count_rejections(report);
             }
             let report = failure.report.map(|report| report_json::write(&report));
-            self.end(claim, &End::Failed(&fault, report)).await;
+            self.end(claim, &End::Failed(&fault, report, failure.pictures)).await;
         }
     }
 
@@ -109,8 +110,10 @@ impl Shared {
             End::Cancelled => self.store.finish_cancelled(&claim.lease).await,
             End::Released => self.store.release(&claim.lease).await,
             End::Retry(not_before, fault) => self.store.retry(&claim.lease, *not_before, fault).await,
-            End::Failed(fault, report) => {
-                self.store.finish_failure(&claim.lease, fault, report.as_deref()).await
+            End::Failed(fault, report, pictures) => {
+                self.store
+                    .finish_failure_with(&claim.lease, fault, report.as_deref(), pictures.as_deref())
+                    .await
             }
         }
     }
@@ -158,6 +161,7 @@ fn timed_out(timeout: Duration) -> Failure {
         ),
         instances: Vec::new(),
         report: None,
+        pictures: None,
         transient: false,
     }
 }

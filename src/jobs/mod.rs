@@ -78,7 +78,7 @@ impl Jobs {
     /// # Errors
     /// [`Error::Internal`] if the system gives no threads.
     pub fn new(store: Store, config: &Config, metrics: Arc<Metrics>) -> Result<Self> {
-        Self::with_work(store, config, metrics, reconstruction::run)
+        Self::with_work(store, config, metrics, reconstruction::run_with_pictures)
     }
 
     fn with_work(store: Store, config: &Config, metrics: Arc<Metrics>, work: Work) -> Result<Self> {

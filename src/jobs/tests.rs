@@ -88,6 +88,7 @@ fn failure(code: &str, transient: bool) -> Failure {
         detail: "as the test wants it".to_owned(),
         instances: Vec::new(),
         report: None,
+        pictures: None,
         transient,
     }
 }

@@ -23,6 +23,8 @@ pub struct Decisions {
     pub rows: Vec<SliceRow>,
     /// For each row the pixels of the contour; empty for a rejected slice.
     pub contours: Vec<Vec<Pixel>>,
+    /// The same of the rejected slices: for pictures alone.
+    pub rejected: Vec<Vec<Pixel>>,
 }
 
 impl Decisions {
@@ -58,8 +60,11 @@ pub fn decide(
         let candidates = candidates(hu, plane, stage, parameters, observer)?;
         for (index, candidate) in candidates.into_iter().enumerate() {
             let (row, contour) = decide_slice(plane, index, candidate, &mut carried, parameters);
+            let (accepted, rejected) =
+                if row.rejection.is_none() { (contour, Vec::new()) } else { (Vec::new(), contour) };
             decisions.rows.push(row);
-            decisions.contours.push(contour);
+            decisions.contours.push(accepted);
+            decisions.rejected.push(rejected);
         }
     }
     Ok(decisions)
@@ -142,5 +147,5 @@ fn decide_slice(
         accepted_mm: None,
         stretches: Vec::new(),
     };
-    (row, if rejection.is_none() { contour } else { Vec::new() })
+    (row, contour)
 }

@@ -54,8 +54,9 @@ mod whole_skin;
 
 pub use bitmap::Bitmap;
 pub use observer::{Observer, Silent, Stage};
-pub use outcome::{Decision, Figures, PipelineError, Reconstruction, SliceRow};
+pub use outcome::{Contours, Decision, Figures, PipelineError, Reconstruction, SliceRow};
 pub use parameters::{Parameters, Profile};
+pub(crate) use picture::{COLOURS, Mark, Sketch, WINDOW, draw, grey, marks_of_plane};
 pub use picture::{border_picture, legend, picture};
 pub use reconstruct::reconstruct;
 pub use rejection::{Reason, Rejection};

@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::contour::Pixel;
 use super::effort::Effort;
 use super::observer::Observer;
-use super::precise::{NoSkin, Quality, Stretch};
+use super::precise::{BorderPoint, NoSkin, Quality, Stretch};
 use super::rejection::Rejection;
 use super::unique::unique_within;
 use crate::cloud::PointCloud;
@@ -24,6 +25,25 @@ pub struct Reconstruction {
     pub slices: Vec<SliceRow>,
     /// How far the result can be trusted; profile `precise` alone.
     pub quality: Option<Quality>,
+    /// The contours of the slices, for pictures.
+    pub contours: Contours,
+}
+
+/// The contours of all slices as pictures show them.
+#[derive(Debug, Clone)]
+pub enum Contours {
+    /// Profile `paper`: the pixels of each row's contour, accepted or not.
+    Pixels(Vec<Vec<Pixel>>),
+    /// Profile `precise`: every crossing of the patient's border with a grid line of the scan.
+    Border(Vec<BorderPoint>),
+}
+
+impl Contours {
+    /// Whether they are pixels of slices.
+    #[must_use]
+    pub fn are_pixels(&self) -> bool {
+        matches!(self, Self::Pixels(_))
+    }
 }
 
 /// What became of a slice's contour.

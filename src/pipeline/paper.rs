@@ -1,9 +1,10 @@
 //! The profile `paper`: the published pipeline, step by step.
 
-use super::decisions::decide;
+use super::contour::Pixel;
+use super::decisions::{Decisions, decide};
 use super::lift::{lift, outside_axial_box};
 use super::observer::{Observer, Stage};
-use super::outcome::{Figures, PipelineError, Reconstruction, count};
+use super::outcome::{Contours, Figures, PipelineError, Reconstruction, count};
 use super::parameters::Parameters;
 use super::voxel_grid::voxel_grid;
 use super::{radius_outlier, statistical_outlier};
@@ -20,7 +21,7 @@ pub(super) fn reconstruct(
     parameters: &Parameters,
     observer: &dyn Observer,
 ) -> Result<Reconstruction, PipelineError> {
-    let decisions = decide(&volume.hu, parameters, observer)?;
+    let mut decisions = decide(&volume.hu, parameters, observer)?;
 
     enter(observer, Stage::Downsampling)?;
     let raw = lift(&decisions, &volume.grid);
@@ -37,6 +38,7 @@ pub(super) fn reconstruct(
             outside_axial_box: outside_axial_box(&decisions, &raw),
             ..Figures::default()
         },
+        contours: Contours::Pixels(contours(&mut decisions)),
         slices: decisions.rows,
         quality: None,
     };
@@ -63,6 +65,17 @@ pub(super) fn reconstruct(
     result.mark_unique(parameters.unique_distance_mm, observer)?;
     observer.progress(Stage::Outliers, 1.0);
     Ok(result)
+}
+
+/// The contour of every slice, accepted or not.
+fn contours(decisions: &mut Decisions) -> Vec<Vec<Pixel>> {
+    let (accepted, rejected) =
+        (std::mem::take(&mut decisions.contours), std::mem::take(&mut decisions.rejected));
+    accepted
+        .into_iter()
+        .zip(rejected)
+        .map(|(accepted, rejected)| if accepted.is_empty() { rejected } else { accepted })
+        .collect()
 }
 
 fn enter(observer: &dyn Observer, stage: Stage) -> Result<(), PipelineError> {

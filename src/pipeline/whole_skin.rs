@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use super::observer::{Observer, Silent};
-use super::outcome::{Figures, PipelineError, Reconstruction, SliceRow, count};
+use super::outcome::{Contours, Figures, PipelineError, Reconstruction, SliceRow, count};
 use super::parameters::Parameters;
 use super::precise::{self, BorderPoint, NoSkin, QualityLimits, SkinPoint, SliceContour, Stretch};
 use super::rejection::{Reason, Rejection};
@@ -34,6 +34,7 @@ pub(super) fn reconstruct(
         figures: Figures { raw: skin.measured, ..Figures::default() },
         slices: rows(shape, &skin.slices, &skin.border),
         quality: Some(skin.quality),
+        contours: Contours::Border(skin.border),
     };
     result.note_merged();
     result.figures.after_radius = count(&result.triplanar);
@@ -70,6 +71,7 @@ fn nothing(shape: [usize; 3]) -> Reconstruction {
         figures: Figures::default(),
         slices: rows(shape, &[], &[]),
         quality: None,
+        contours: Contours::Border(Vec::new()),
     }
 }
 

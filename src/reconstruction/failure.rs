@@ -16,6 +16,8 @@ pub struct Failure {
     pub instances: Vec<SopInstanceUid>,
     /// The report, where the pipeline got far enough to have one: with a row for every slice.
     pub report: Option<Box<Report>>,
+    /// What its slices' pictures are drawn from, where there is a report and that was asked for.
+    pub pictures: Option<Vec<u8>>,
     /// Whether the same instances may go through later: the storage failed, not the data.
     pub transient: bool,
 }
@@ -35,7 +37,14 @@ impl Failure {
 
     /// One without a report that is the same when it is tried again.
     pub(super) fn lasting(code: &str, detail: String) -> Self {
-        Self { code: code.to_owned(), detail, instances: Vec::new(), report: None, transient: false }
+        Self {
+            code: code.to_owned(),
+            detail,
+            instances: Vec::new(),
+            report: None,
+            pictures: None,
+            transient: false,
+        }
     }
 
     /// The series is no volume.
@@ -45,6 +54,7 @@ impl Failure {
             detail: error.to_string(),
             instances: error.instances().to_vec(),
             report: None,
+            pictures: None,
             transient: [Self::UNREADABLE, Self::OUT_OF_MEMORY].contains(&error.code()),
         }
     }
@@ -53,6 +63,13 @@ impl Failure {
     pub(super) fn without_cloud(code: &str, detail: String, mut report: Report) -> Self {
         let code = code.to_owned();
         report.error = Some(ReportError { code: code.clone(), detail: detail.clone() });
-        Self { code, detail, instances: Vec::new(), report: Some(Box::new(report)), transient: false }
+        Self {
+            code,
+            detail,
+            instances: Vec::new(),
+            report: Some(Box::new(report)),
+            pictures: None,
+            transient: false,
+        }
     }
 }

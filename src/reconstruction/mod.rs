@@ -2,6 +2,7 @@
 //! `triplanar reconstruct` and the service's worker both call, so that they give the same bytes.
 
 mod failure;
+pub mod pictures;
 mod report;
 mod run;
 mod summary;
@@ -9,7 +10,7 @@ mod table;
 
 pub use failure::Failure;
 pub use report::{Identity, RefusedInstance, Report, ReportError, ReportRow, UnusedFile, VolumeSummary};
-pub use run::run;
+pub use run::{run, run_with_pictures};
 pub use summary::PlaneSummary;
 
 use crate::geometry::Plane;
@@ -22,4 +23,6 @@ pub struct Product {
     pub clouds: [(Option<Plane>, Vec<u8>); 4],
     /// The report.
     pub report: Report,
+    /// What its slices' pictures are drawn from ([`pictures`]), where that was asked for.
+    pub pictures: Option<Vec<u8>>,
 }

@@ -1,12 +1,12 @@
 //! Instances → volume → clouds and report.
 
-use super::{Failure, Product, Report};
+use super::{Failure, Product, Report, pictures};
 use crate::cloud::{self, Format, Metadata, PointCloud};
 use crate::dicom::Volume;
 use crate::dicom::series::{self, ReadLimits, Warning};
 use crate::dicom::source::InstanceSource;
 use crate::geometry::{Frame, Plane};
-use crate::pipeline::{self, Observer, Parameters, PipelineError, Stage};
+use crate::pipeline::{self, Observer, Parameters, PipelineError, Reconstruction, Stage};
 
 /// Reconstructs the instances of one series.
 ///
@@ -20,14 +20,38 @@ pub fn run(
     limits: &ReadLimits,
     observer: &dyn Observer,
 ) -> Result<Product, Failure> {
+    reconstructed(source, parameters, limits, observer, false)
+}
+
+/// The same, with what the pictures of its slices are drawn from.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_with_pictures(
+    source: &dyn InstanceSource,
+    parameters: &Parameters,
+    limits: &ReadLimits,
+    observer: &dyn Observer,
+) -> Result<Product, Failure> {
+    reconstructed(source, parameters, limits, observer, true)
+}
+
+fn reconstructed(
+    source: &dyn InstanceSource,
+    parameters: &Parameters,
+    limits: &ReadLimits,
+    observer: &dyn Observer,
+    with_pictures: bool,
+) -> Result<Product, Failure> {
     // Given back when the result is made.
     let mut memory = limits.memory.share();
     let mut admit = |voxels: u64| memory.grow(voxels.saturating_mul(parameters.profile.bytes_a_voxel()));
     let (volume, warnings) =
         series::read_admitted(source, limits, observer, &mut admit).map_err(Failure::from_series)?;
     let reconstruction = pipeline::reconstruct(&volume, parameters, observer)
-        .map_err(|error| from_pipeline(error, &volume, parameters, &warnings))?;
+        .map_err(|error| from_pipeline(error, &volume, parameters, &warnings, with_pictures))?;
     observer.progress(Stage::Writing, 0.0);
+    let pictures = drawn_from(&volume, &reconstruction, with_pictures);
     let report = Report {
         quality: reconstruction.quality.clone(),
         warnings,
@@ -44,7 +68,12 @@ pub fn run(
         stored(Some(Plane::Sagittal), sagittal),
         stored(Some(Plane::Coronal), coronal),
     ];
-    Ok(Product { clouds, report })
+    Ok(Product { clouds, report, pictures })
+}
+
+/// What pictures are drawn from. Nothing is written but to memory: there is nothing to fail.
+fn drawn_from(volume: &Volume, reconstruction: &Reconstruction, wanted: bool) -> Option<Vec<u8>> {
+    wanted.then(|| pictures::write(volume, reconstruction).expect("memory can be written"))
 }
 
 fn metadata(volume: &Volume, parameters: &Parameters, plane: Option<Plane>) -> Metadata {
@@ -63,6 +92,7 @@ fn from_pipeline(
     volume: &Volume,
     parameters: &Parameters,
     warnings: &[Warning],
+    with_pictures: bool,
 ) -> Failure {
     let (code, detail) = (error.code(), error.to_string());
     match error {
@@ -74,7 +104,8 @@ fn from_pipeline(
                 warnings: warnings.to_vec(),
                 ..Report::new(volume, parameters, &partial.figures, &partial.slices)
             };
-            Failure::without_cloud(code, detail, report)
+            let pictures = drawn_from(volume, &partial, with_pictures);
+            Failure { pictures, ..Failure::without_cloud(code, detail, report) }
         }
     }
 }

@@ -23,6 +23,8 @@ mod surface;
 mod theme;
 mod view;
 
+use image::{Rgb, RgbImage};
+
 use crate::evaluation::Shape;
 
 pub use colour::Colouring;
@@ -52,6 +54,11 @@ pub struct Options {
     pub panel_height: u32,
     /// Colours around the clouds.
     pub theme: Theme,
+}
+
+/// Writes a line at the upper edge of a picture, as far as it goes.
+pub(crate) fn caption(image: &mut RgbImage, text: &str) {
+    font::draw(image, text, [2, 2], 1, Rgb([255, 255, 0]));
 }
 
 #[cfg(test)]

@@ -48,6 +48,8 @@ pub struct Outcome {
     pub figures: Figures,
     /// How far the result can be trusted, for the catalog.
     pub quality: Option<Quality>,
+    /// What the pictures of its slices are drawn from.
+    pub pictures: Option<Vec<u8>>,
 }
 
 /// Why a reconstruction failed.

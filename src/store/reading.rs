@@ -223,6 +223,16 @@ impl Store {
         blocking(move || file.whole().map_err(|error| Error::of_result(id, error))).await
     }
 
+    /// What the slices' pictures of a reconstruction are drawn from
+    /// ([`crate::reconstruction::pictures`]).
+    ///
+    /// # Errors
+    /// No such reconstruction; [`Error::ResultDamaged`].
+    pub async fn pictures(&self, id: ReconstructionId) -> Result<Vec<u8>> {
+        let file = self.result_file(id, PICTURES).await?;
+        blocking(move || file.whole().map_err(|error| Error::of_result(id, error))).await
+    }
+
     async fn existing(&self, id: ReconstructionId) -> Result<ReconstructionRecord> {
         let record = self.reconstruction(id).await?;
         record.ok_or_else(|| Error::NotFound { what: "reconstruction", id: id.to_string() })
@@ -261,6 +271,9 @@ impl Store {
     }
 }
 
+/// Name of the file within a result that its slices' pictures are drawn from.
+pub(super) const PICTURES: &str = "pictures.bin";
+
 /// Name of the report's blob within a result.
 pub(super) const REPORT: &str = "report.json";
 
@@ -271,7 +284,7 @@ pub(super) fn cloud_name(plane: Option<Plane>) -> String {
 
 /// Names of all files that a result can have, without those of their hashes.
 pub(super) fn result_names() -> impl Iterator<Item = String> {
-    required_names()
+    required_names().chain(std::iter::once(PICTURES.to_owned()))
 }
 
 /// Names of the files that the result of every reconstruction with a cloud has.

@@ -346,6 +346,8 @@ pub struct ReconstructionRecord {
     pub quality: Option<Quality>,
     /// Whether a report is stored (a failed one can have one).
     pub has_report: bool,
+    /// Whether what its slices' pictures are drawn from is stored; results of 0.1 have none of it.
+    pub has_pictures: bool,
     /// When it was asked for.
     pub created_ms: i64,
     /// When its last attempt began.

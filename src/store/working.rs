@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::reading::{REPORT, cloud_name};
+use super::reading::{PICTURES, REPORT, cloud_name};
 use super::stored::{figure_json, quality_json};
 use super::{
     Claim, Fault, Heartbeat, Lease, Outcome, Reclaim, ReconstructionId, ReconstructionRecord, Store,
@@ -78,8 +78,10 @@ impl Store {
         let mut files: Vec<(String, Vec<u8>)> =
             outcome.clouds.iter().map(|(plane, bytes)| (cloud_name(*plane), bytes.clone())).collect();
         files.push((REPORT.to_owned(), outcome.report.clone()));
+        files.extend(outcome.pictures.iter().map(|pictures| (PICTURES.to_owned(), pictures.clone())));
         let prefix = self.write_result(lease, files).await?;
-        let done = self.0.catalog.succeed(lease, &prefix, &figures, quality.as_deref()).await?;
+        let has_pictures = outcome.pictures.is_some();
+        let done = self.0.catalog.succeed(lease, &prefix, &figures, quality.as_deref(), has_pictures).await?;
         if !done {
             self.remove_results(vec![prefix]).await?;
         }
@@ -91,13 +93,27 @@ impl Store {
     /// # Errors
     /// A full disk, the catalog's own. The lease holds on.
     pub async fn finish_failure(&self, lease: &Lease, fault: &Fault, report: Option<&[u8]>) -> Result<bool> {
+        self.finish_failure_with(lease, fault, report, None).await
+    }
+
+    /// The same, with what the pictures of its slices are drawn from.
+    pub(crate) async fn finish_failure_with(
+        &self,
+        lease: &Lease,
+        fault: &Fault,
+        report: Option<&[u8]>,
+        pictures: Option<&[u8]>,
+    ) -> Result<bool> {
+        let pictures = pictures.filter(|_| report.is_some());
         let prefix = match report {
             Some(report) => {
-                Some(self.write_result(lease, vec![(REPORT.to_owned(), report.to_owned())]).await?)
+                let mut files = vec![(REPORT.to_owned(), report.to_owned())];
+                files.extend(pictures.map(|pictures| (PICTURES.to_owned(), pictures.to_owned())));
+                Some(self.write_result(lease, files).await?)
             }
             None => None,
         };
-        let done = self.0.catalog.fail(lease, fault, prefix.as_deref()).await?;
+        let done = self.0.catalog.fail(lease, fault, prefix.as_deref(), pictures.is_some()).await?;
         if !done {
             self.remove_results(prefix.into_iter().collect()).await?;
         }

@@ -50,8 +50,13 @@ async fn with_large_clouds(server: &Server) -> (ReconstructionId, Vec<u8>) {
     let clouds = [None, Some(Plane::Axial), Some(Plane::Sagittal), Some(Plane::Coronal)]
         .map(|plane| (plane, encode(&large(), &metadata(&uid, plane), Format::PlyBinary, Frame::Lps)));
     let stored = clouds[0].1.clone();
-    let outcome =
-        Outcome { clouds: clouds.into(), report: b"{}".to_vec(), figures: Figures::default(), quality: None };
+    let outcome = Outcome {
+        clouds: clouds.into(),
+        report: b"{}".to_vec(),
+        figures: Figures::default(),
+        quality: None,
+        pictures: None,
+    };
     assert!(server.store.finish_success(&claim.lease, &outcome).await.unwrap());
     (id, stored)
 }

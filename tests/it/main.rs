@@ -28,6 +28,7 @@ mod e2e_durability;
 mod e2e_empty_cloud;
 mod e2e_exactly_once;
 mod e2e_incomplete_transfer;
+mod e2e_pictures;
 mod e2e_precise;
 mod e2e_protection;
 mod e2e_same_bytes;

@@ -50,6 +50,9 @@ async fn every_answer_of_0_1_is_given_again() {
         let header = |name| response.headers().get(name).map(|value| value.to_str().unwrap().to_owned());
         assert_eq!(json!(header("content-type")), answer["type"], "{path}");
         let etag = header("etag");
+        if path.ends_with(".png") {
+            assert_eq!(header("triplanar-picture").as_deref(), Some("drawn-again"), "{path}");
+        }
         let body = response.bytes().await.unwrap();
         let by_id = path.starts_with("/v1/reconstructions/");
         if by_id && (path.contains("/cloud") || path.ends_with("/report")) {

@@ -3,20 +3,30 @@
 use std::io::Cursor;
 
 use axum::extract::State;
-use axum::http::{HeaderMap, Method};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method};
 use axum::response::Response;
 use bytes::Bytes;
-use image::ImageFormat;
+use image::{ImageFormat, RgbImage};
 use serde::Deserialize;
 
-use super::{off_the_runtime, reconstruction_record, steady};
+use super::{off_the_runtime, readable, reconstruction_record, steady};
 use crate::error::{Error, Result};
 use crate::geometry::Plane;
 use crate::http::Context;
+use crate::http::about::About;
 use crate::http::extract::SlicePath;
 use crate::http::representation::Representation;
 use crate::pipeline::{Profile, border_picture, picture};
-use crate::store::ReconstructionId;
+use crate::reconstruction::pictures::Pictures;
+use crate::render::caption;
+use crate::store::{ReconstructionId, ReconstructionRecord};
+
+/// How the picture was drawn.
+const PICTURE: HeaderName = HeaderName::from_static("triplanar-picture");
+/// From what was stored with the result.
+const STORED: &str = "stored";
+/// From the instances, by this version of the software.
+const AGAIN: &str = "drawn-again";
 
 /// Of a report, what a picture needs.
 #[derive(Deserialize)]
@@ -32,6 +42,10 @@ struct Decision {
 }
 
 /// A slice with its contour
+///
+/// Drawn from what was stored with the result: it never changes. A result of 0.1 stored none of that;
+/// its pictures are drawn from the instances by this version, and say so: `Triplanar-Picture:
+/// drawn-again` (otherwise `stored`), and a line at the upper edge.
 ///
 /// PNG: the slice in mm proportion (the smaller side of a voxel is a pixel), and drawn over it its
 /// contour. Profile `paper`: green if the slice was accepted, red if not. Profile `precise`: the border
@@ -55,7 +69,7 @@ struct Decision {
         (status = 304, description = "The client has it: If-None-Match."),
         (status = 404, description = "No such reconstruction, plane or slice."),
         (status = 409, description = "The reconstruction has no report (yet), so its slices are not known."),
-        (status = 410, description = "The source instances are no longer stored."),
+        (status = 410, description = "A result of 0.1 whose source instances are no longer stored."),
         (status = 416, description = "The range lies outside."),
     ),
 )]
@@ -76,19 +90,15 @@ pub(in crate::http) async fn slice_picture(
             detail: "its slices are known when it has ended".to_owned(),
         });
     }
-    let accepted = decision(&context, path.id, plane, index).await?.ok_or_else(no_slice)?;
-    let volume = context.volumes.of(&record).await?;
-    let border = match record.parameters.profile {
-        Profile::Paper => None,
-        Profile::Precise => Some(context.volumes.border(&volume).await?),
+    let location = format!("/v1/reconstructions/{}/slices/{}/{}", record.id, path.plane, path.picture);
+    let about = About::of(&context, &record, &location).await?;
+    let (drawn, drawing) = if record.has_pictures {
+        (STORED, stored(&context, &record, plane, index).await?)
+    } else {
+        (AGAIN, again(&context, &record, plane, index).await?)
     };
-    off_the_runtime(move || {
-        let picture = match border {
-            None => picture(&volume, &record.parameters, plane, index, accepted),
-            Some(border) => border_picture(&volume, &border, plane, index),
-        };
-        let picture =
-            picture.ok_or_else(|| Error::internal("the report has a slice that the volume lacks"))?;
+    let picture = drawing.ok_or_else(no_slice)?;
+    let response = off_the_runtime(move || {
         let mut png = Cursor::new(Vec::new());
         picture.write_to(&mut png, ImageFormat::Png).map_err(Error::internal)?;
         let representation = Representation {
@@ -99,6 +109,57 @@ pub(in crate::http) async fn slice_picture(
             vary: "Accept-Encoding",
         };
         representation.respond(&method, &headers)
+    })
+    .await?;
+    let mut response = about.on(response);
+    response.headers_mut().insert(PICTURE, HeaderValue::from_static(drawn));
+    Ok(response)
+}
+
+/// The picture as the result was made; `None` if there is no such slice.
+async fn stored(
+    context: &Context,
+    record: &ReconstructionRecord,
+    plane: Plane,
+    index: usize,
+) -> Result<Option<RgbImage>> {
+    let id = record.id;
+    let file = readable(context, context.store.pictures(id).await)?;
+    off_the_runtime(move || {
+        let drawn = Pictures::open(&file).and_then(|pictures| pictures.slice(plane, index));
+        drawn.map_err(|why| Error::Unreadable {
+            what: "the pictures of reconstruction",
+            id: id.to_string(),
+            detail: why.to_string(),
+        })
+    })
+    .await
+}
+
+/// The picture of a result of 0.1, which stored none: drawn from the instances by this version, and
+/// marked so.
+async fn again(
+    context: &Context,
+    record: &ReconstructionRecord,
+    plane: Plane,
+    index: usize,
+) -> Result<Option<RgbImage>> {
+    let Some(accepted) = decision(context, record.id, plane, index).await? else { return Ok(None) };
+    let volume = context.volumes.of(record).await?;
+    let border = match record.parameters.profile {
+        Profile::Paper => None,
+        Profile::Precise => Some(context.volumes.border(&volume).await?),
+    };
+    let parameters = record.parameters.clone();
+    off_the_runtime(move || {
+        let picture = match border {
+            None => picture(&volume, &parameters, plane, index, accepted),
+            Some(border) => border_picture(&volume, &border, plane, index),
+        };
+        let mut picture =
+            picture.ok_or_else(|| Error::internal("the report has a slice that the volume lacks"))?;
+        caption(&mut picture, &format!("drawn again by {}", crate::SOFTWARE));
+        Ok(Some(picture))
     })
     .await
 }

@@ -50,12 +50,13 @@ impl Catalog {
         prefix: &str,
         figures: &str,
         quality: Option<&str>,
+        has_pictures: bool,
     ) -> Result<bool> {
         let mut tx = self.begin().await?;
         let row = sqlx::query(
             "UPDATE reconstructions SET state = 'succeeded', stage = NULL, fraction = 1.0, figures = $3, result = $4, \
              has_report = TRUE, error_code = NULL, error_detail = NULL, error_instances = '[]', finished_ms = $5, \
-             worker = NULL, lease_until_ms = NULL, quality = $6 \
+             worker = NULL, lease_until_ms = NULL, quality = $6, has_pictures = $7 \
              WHERE id = $1 AND fence = $2 AND state = 'running' RETURNING *",
         )
         .bind(lease.id.to_string())
@@ -64,6 +65,7 @@ impl Catalog {
         .bind(prefix)
         .bind(now_ms())
         .bind(quality)
+        .bind(has_pictures)
         .fetch_optional(&mut *tx)
         .await?;
         let Some(row) = row else { return Ok(false) };
@@ -74,12 +76,18 @@ impl Catalog {
 
     /// Marks failure; `prefix` is that of the durable report, if there is one. False: the lease
     /// was lost.
-    pub(crate) async fn fail(&self, lease: &Lease, fault: &Fault, prefix: Option<&str>) -> Result<bool> {
+    pub(crate) async fn fail(
+        &self,
+        lease: &Lease,
+        fault: &Fault,
+        prefix: Option<&str>,
+        has_pictures: bool,
+    ) -> Result<bool> {
         let instances = serde_json::to_string(&fault.instances).map_err(Error::internal)?;
         let mut tx = self.begin().await?;
         let done = sqlx::query(
             "UPDATE reconstructions SET state = 'failed', stage = NULL, fraction = 0.0, error_code = $3, error_detail = $4, error_instances = $5, \
-             result = $6, has_report = ($6 IS NOT NULL), finished_ms = $7, worker = NULL, lease_until_ms = NULL \
+             result = $6, has_report = ($6 IS NOT NULL), has_pictures = $8, finished_ms = $7, worker = NULL, lease_until_ms = NULL \
              WHERE id = $1 AND fence = $2 AND state = 'running'",
         )
         .bind(lease.id.to_string())
@@ -89,6 +97,7 @@ impl Catalog {
         .bind(instances)
         .bind(prefix)
         .bind(now_ms())
+        .bind(has_pictures)
         .execute(&mut *tx)
         .await?;
         tx.commit().await?;

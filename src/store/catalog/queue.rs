@@ -226,7 +226,7 @@ pub(super) async fn enqueue(
 pub(super) async fn queue_again(connection: &mut Connection, id: ReconstructionId, now: i64) -> Result<()> {
     sqlx::query(
         "UPDATE reconstructions SET state = 'queued', stage = NULL, fraction = 0.0, attempts = 0, \
-         error_code = NULL, error_detail = NULL, error_instances = '[]', result = NULL, has_report = FALSE, \
+         error_code = NULL, error_detail = NULL, error_instances = '[]', result = NULL, has_report = FALSE, has_pictures = FALSE, \
          superseded_by = NULL, software = $3, started_ms = NULL, finished_ms = NULL, not_before_ms = $2, cancel_requested = FALSE \
          WHERE id = $1",
     )

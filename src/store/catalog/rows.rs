@@ -242,6 +242,7 @@ fn reconstruction_record(row: &Row) -> Result<ReconstructionRecord> {
         figures: maybe_stored(row, "figures", figure_json::read)?,
         quality: maybe_stored(row, "quality", quality_json::read)?,
         has_report: row.try_get("has_report")?,
+        has_pictures: row.try_get("has_pictures")?,
         created_ms: row.try_get("created_ms")?,
         started_ms: row.try_get("started_ms")?,
         finished_ms: row.try_get("finished_ms")?,

@@ -127,5 +127,6 @@ pub(crate) fn outcome(cloud: &str) -> Outcome {
         report: format!("{{\"cloud\":\"{cloud}\"}}").into_bytes(),
         figures: triplanar::pipeline::Figures { merged: 7, ..Default::default() },
         quality: None,
+        pictures: None,
     }
 }

@@ -144,6 +144,7 @@ impl Server {
             report: report.to_json(),
             figures: Figures::default(),
             quality: None,
+            pictures: None,
         };
         assert!(self.store.finish_success(&claim.lease, &outcome).await.unwrap());
     }
