@@ -107,7 +107,7 @@ pub(crate) fn head(input: &mut impl Input, layout: Layout, around: Around) -> Re
     let is_odd = is_written != layout.explicit;
     let layout = Layout { explicit: is_written, ..layout };
     if !is_written {
-        if is_odd && !around.is_passage && tag.0 % 2 == 0 {
+        if is_odd && !around.is_passage && tag.0.is_multiple_of(2) {
             return Err(ScanError::Malformed(format!(
                 "element {tag} at byte {start} has no value representation where one must stand"
             )));

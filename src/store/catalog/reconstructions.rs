@@ -34,7 +34,7 @@ impl Catalog {
         .bind(i64::from(limit) + 1)
         .fetch_all(&self.readers)
         .await?;
-        rows::page(&found, limit, rows::reconstruction, |last| Ok(last.try_get("id")?))
+        rows::page(&found, limit, rows::reconstruction, |last| last.try_get("id"))
     }
 
     /// Prefix of its blobs, if it has any.

@@ -182,7 +182,7 @@ pub(super) fn instance(row: &Row) -> Result<InstanceRecord> {
 
 /// A boolean.
 pub(super) fn flag(row: &Row, column: &str) -> Result<bool> {
-    Ok(row.try_get(column)?)
+    row.try_get(column)
 }
 
 pub(super) fn identity(row: &Row) -> Result<Identity> {
