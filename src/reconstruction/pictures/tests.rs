@@ -24,6 +24,7 @@ fn volume() -> Volume {
         hu,
         grid: Grid::new(Axis::Z, origins, step, SHAPE),
         sop_instance_uids: Vec::new(),
+        doubtful_slices: Vec::new(),
         identity: SeriesIdentity {
             study_instance_uid: None,
             series_instance_uid: "2.25.1".parse().expect("a UID"),
