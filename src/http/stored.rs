@@ -63,15 +63,6 @@ pub(super) fn cloud(
     let watch =
         Watch { id, metrics: Arc::clone(&context.metrics), _share: context.memory.take(ANSWER_BYTES)? };
     let tag = form.tag(&file.identity().map_err(|error| watch.refused(error))?);
-    let conversion = Conversion::of(&mut file, form.format, form.frame, form.max_error);
-    let conversion = conversion.map_err(|error| match error {
-        ConversionError::Unfiltered(error) => error.into(),
-        ConversionError::Io(error) => watch.refused(error),
-    })?;
-    if conversion.points() == 0 {
-        let detail = "no point was found in the slices of this plane; the report tells why for each";
-        return Err(Error::EmptyCloud(detail.to_owned()));
-    }
     if form.is_stored() {
         let length = file.length();
         let begin: Begin = Box::new(move |start| {
@@ -80,6 +71,11 @@ pub(super) fn cloud(
         });
         return Ok(Streamed { length, tag, begin });
     }
+    let conversion = Conversion::of(&mut file, form.format, form.frame, form.max_error);
+    let conversion = conversion.map_err(|error| match error {
+        ConversionError::Unfiltered(error) => error.into(),
+        ConversionError::Io(error) => watch.refused(error),
+    })?;
     let length = conversion.length();
     let begin: Begin = Box::new(move |start| {
         let begun = file.go_to(0).and_then(|()| conversion.begin(file));

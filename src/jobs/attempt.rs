@@ -72,6 +72,8 @@ impl Shared {
             (Ok(Err(failure)), None) if failure.code == Failure::UNREADABLE => {
                 self.unreadable(claim, stored, failure).await
             }
+            // Others hold the memory budget: a shortage like that of the disk.
+            (Ok(Err(failure)), _) if failure.code == Failure::OUT_OF_MEMORY => Ended::Short(failure),
             (Ok(Err(failure)), Some(stop)) if failure.code == Failure::CANCELLED => Ended::Stopped(stop),
             (Ok(Err(mut failure)), _) => {
                 if let Some(report) = &mut failure.report {

@@ -15,7 +15,7 @@ if [ -n "${DAMAGE_PYTHON:-}" ]; then
 else
   python3 -m venv "$dir/venv"
   python=$dir/venv/bin/python
-  "$python" -m pip -q install numpy scipy pydicom pylibjpeg pylibjpeg-libjpeg pylibjpeg-openjpeg pylibjpeg-rle python-gdcm ojph
+  "$python" -m pip -q install numpy scipy pydicom pylibjpeg pylibjpeg-libjpeg pylibjpeg-openjpeg pylibjpeg-rle python-gdcm
 fi
 export OPENBLAS_NUM_THREADS=1 PYTHONPATH=$here
 if [ "${1:-}" = --unharmed ]; then

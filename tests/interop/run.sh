@@ -43,7 +43,6 @@ run "memory and time to stop" "$here/bounds.sh" "$triplanar"
 run "point-cloud tools" "$here/clouds.sh" "$triplanar"
 run "CloudCompare's registration" "$here/evaluate.sh" "$triplanar"
 run "the description's rules and a generated client" "$here/openapi.sh" "$triplanar"
-run "damaged series" "$here/damage.sh" "$triplanar" "$shared" 6
 run "faults of the machine" "$here/faults.sh" "$triplanar"
 run "score against the known skin" "$here/score.sh" "$triplanar" "$shared"
 

@@ -13,7 +13,7 @@ use crate::support::service::{Service, Settings};
 /// No quiet time after an end that counts: it would be the reason for which a series is complete.
 fn settings() -> Settings {
     Settings::new()
-        .with("intake.quiet_after_association", "0")
+        .with("intake.quiet_after_association", "0.001")
         .with("intake.quiet", "2")
         .with("intake.min_slices", "3")
 }

@@ -136,7 +136,7 @@ pub struct Quality {
     /// Metal, cm³.
     pub metal_cm3: f64,
     /// Slices that don't go with their neighbours, as those of damaged data do.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_none")]
     pub doubtful_slices: usize,
 }
 
@@ -164,6 +164,12 @@ pub struct SideQuality {
     pub agreement_mean_mm: Option<f64>,
     /// 95th percentile of it, mm.
     pub agreement_p95_mm: Option<f64>,
+}
+
+/// Whether there are none: a report without them is as it was before they were counted.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_none(slices: &usize) -> bool {
+    *slices == 0
 }
 
 impl Quality {

@@ -135,7 +135,7 @@ impl Recovery<'_> {
                     Some(record) => self.catalog.enter_result(&record, &prefix).await?,
                     None => Found::Refused("its record can't be read"),
                 },
-                None => self.from_report(&prefix, &keys, recovered).await?,
+                None => self.found_by_report(&prefix, &keys, recovered).await?,
             };
             match found {
                 Found::Refused(reason) => {
@@ -153,7 +153,12 @@ impl Recovery<'_> {
     }
 
     /// A result of a version that wrote no records.
-    async fn from_report(&self, prefix: &str, keys: &[String], recovered: &mut Recovered) -> Result<Found> {
+    async fn found_by_report(
+        &self,
+        prefix: &str,
+        keys: &[String],
+        recovered: &mut Recovered,
+    ) -> Result<Found> {
         let Some(report) = self.blob(format!("{prefix}/{REPORT}")).await else {
             return Ok(Found::Refused("neither a record nor a report"));
         };
