@@ -28,8 +28,8 @@ fn blobs(data: &Path) -> usize {
 async fn view(service: &Service) -> (Value, Value, Vec<u8>) {
     let client = Client::new(service.http);
     let series = phantom::small();
-    let mut row = client.json(&format!("/v1/series/{}", series.uid)).await;
     let rows = client.settled(&series.uid, 1).await;
+    let mut row = client.json(&format!("/v1/series/{}", series.uid)).await;
     assert_eq!(rows.len(), 1, "{rows:#?}");
     let shown = json!({
         "patient": row["patient_id"].take(), "study": row["study_instance_uid"].take(),
