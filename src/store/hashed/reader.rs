@@ -76,7 +76,7 @@ impl HashedFile {
     /// What is left of the block at hand, or else the next one; `None` at the end.
     ///
     /// # Errors
-    /// A block that is damaged ([`Damage`]), and those of reading.
+    /// A block that is damaged (`Damage`), and those of reading.
     pub fn block(&mut self) -> io::Result<Option<&[u8]>> {
         if self.taken >= self.block.len() && !self.load()? {
             return Ok(None);
