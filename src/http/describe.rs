@@ -7,10 +7,11 @@
 
 use axum::http::Method;
 use utoipa::openapi::path::{HttpMethod, Operation, PathItem};
+use utoipa::openapi::schema::{Schema, SchemaType, Type};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::tag::TagBuilder;
 use utoipa::openapi::{
-    Components, ContactBuilder, ContentBuilder, Header, Info, InfoBuilder, LicenseBuilder, OpenApi,
+    Components, ContactBuilder, Content, ContentBuilder, Header, Info, InfoBuilder, LicenseBuilder, OpenApi,
     OpenApiBuilder, Ref, RefOr, Response, ResponseBuilder, Responses, ServerBuilder,
 };
 use utoipa::{PartialSchema, ToSchema};
@@ -78,6 +79,7 @@ pub fn openapi() -> OpenApi {
                 with_headers_of_results(operation);
             }
             octets::describe(operation);
+            without_null(operation);
         }
     }
     let pictures = api.paths.paths.iter_mut().filter(|(path, _)| path.ends_with(PICTURE));
@@ -99,6 +101,21 @@ pub fn openapi() -> OpenApi {
         .build();
     components.add_security_scheme(BEARER, SecurityScheme::Http(scheme));
     api
+}
+
+/// A body that may be left out is described by what it holds where it is there, not as that or `null`:
+/// generated clients send `null`, or nothing that is JSON, for a body of two kinds that is left out.
+fn without_null(operation: &mut Operation) {
+    let Some(RefOr::T(body)) = &mut operation.request_body else { return };
+    for content in body.content.values_mut() {
+        let RefOr::T(Content { schema: Some(schema), .. }) = content else { continue };
+        let RefOr::T(Schema::OneOf(either)) = schema else { continue };
+        let is_null = |item: &RefOr<Schema>| matches!(item, RefOr::T(Schema::Object(object)) if object.schema_type == SchemaType::Type(Type::Null));
+        either.items.retain(|item| !is_null(item));
+        if either.items.len() == 1 {
+            *schema = either.items.remove(0);
+        }
+    }
 }
 
 /// [`openapi`] as the text of a file.

@@ -30,6 +30,7 @@ missing=()
 for package in dcmtk orthanc pcl-tools cloudcompare python3-venv curl; do
   dpkg -s "$package" >/dev/null 2>&1 || missing+=("$package")
 done
+command -v npm >/dev/null || missing+=(nodejs npm)
 if [ ${#missing[@]} -gt 0 ]; then
   apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" ||
     { echo "install ${missing[*]} first" >&2; exit 2; }
@@ -38,6 +39,7 @@ fi
 run "DICOM peers" "$here/peers.sh" "$triplanar" "$shared"
 run "JPEG Lossless against its encoder, pylibjpeg and GDCM" "$here/jpeg_lossless.sh" "$triplanar"
 run "the API against its description" "$here/api.sh" "$triplanar"
+run "the API's description by Redocly and Spectral, and a client made from it" "$here/openapi.sh" "$triplanar"
 run "point-cloud tools" "$here/clouds.sh" "$triplanar"
 run "CloudCompare's registration" "$here/evaluate.sh" "$triplanar"
 run "score against the known skin" "$here/score.sh" "$triplanar" "$shared"

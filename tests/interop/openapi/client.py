@@ -19,7 +19,9 @@ import zipfile
 
 import generated.api
 from generated.client import AuthenticatedClient
+from generated.models.chosen_reconstruction import ChosenReconstruction
 from generated.models.expected_instances import ExpectedInstances
+from generated.models.parameters import Parameters
 from generated.models.upload_form import UploadForm
 from generated.types import File
 
@@ -128,9 +130,11 @@ for operation, of in (("get_cloud", row.id), ("get_latest_cloud", series)):
     check(f"{operation}: an empty cloud is a problem", problem.type_ == "urn:triplanar:problem:empty-cloud")
 picture = call("get_slice_picture", row.id, enum("get_slice_picture", "plane")("axial"), "60.png")
 check("a slice's picture is a PNG", picture.content.startswith(b"\x89PNG"))
-# 200 where it is there already, 202 where it is queued.
-parameters = operations["start_reconstruction"]._get_kwargs.__annotations__["body"]
-started = call("start_reconstruction", series, status=202)
+call("start_reconstruction", series, status=202)
+other = call("start_reconstruction", series, body=Parameters.from_dict({"leaf_mm": 2.0}), status=202).parsed
+check("other parameters are another reconstruction", other.id != row.id)
+chosen = call("choose_clinical_reconstruction", series, body=ChosenReconstruction(id=row.id)).parsed
+check("the chosen reconstruction is the clinical one", chosen.chosen and chosen.reconstruction == row.id)
 call("get_reconstruction", uuid.uuid4(), status=404)
 check("metrics are text", b"triplanar_" in call("metrics").content)
 removed = operations["remove_reconstruction"].sync_detailed(row.id, client=client)
