@@ -1,6 +1,5 @@
 """python -m heads TRIPLANAR SHARED CACHE WORK [NAME...]: see heads.sh."""
 import json
-import os
 import subprocess
 import sys
 import time
@@ -33,15 +32,27 @@ def reconstruct(triplanar, path, work):
         [triplanar, 'reconstruct', path, '-o', cloud, '--report', report, '--profile', 'precise'],
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
     )
+    # The kernel's own figure of a child begins with its parent's memory: asked for while it runs.
+    peak = 0
+    while process.poll() is None:
+        peak = max(peak, memory_mb(process.pid))
+        time.sleep(0.05)
     said = process.stderr.read()
-    _, status, usage = os.wait4(process.pid, 0)
     seconds = time.monotonic() - begin
     told = json.loads(report.read_text()) if report.exists() else {}
-    if status != 0 or not cloud.exists():
-        return None, told, said.strip().splitlines()[-1] if said.strip() else f'exit status {status}', seconds, 0
+    if process.returncode != 0 or not cloud.exists():
+        return None, told, said.strip().splitlines()[-1] if said.strip() else f'exit status {process.returncode}', seconds, 0
     vertices = read_ply(str(cloud))
     points = np.stack([vertices['x'], vertices['y'], vertices['z']], 1).astype(float)
-    return points, told, '', seconds, usage.ru_maxrss / 1024
+    return points, told, '', seconds, peak
+
+
+def memory_mb(pid):
+    try:
+        peak = [line for line in Path(f'/proc/{pid}/status').read_text().splitlines() if line.startswith('VmHWM')]
+    except OSError:
+        return 0
+    return int(peak[0].split()[1]) / 1024 if peak else 0
 
 
 def share_near(points, off_skin, places, within):
