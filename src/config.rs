@@ -78,6 +78,7 @@ pub struct Http {
     pub max_uploads: usize,
     pub max_uploads_per_address: usize,
     pub min_bytes_per_second: u64,
+    pub crowded_bytes_per_second: u64,
     #[serde(deserialize_with = "seconds")]
     pub rate_grace: Duration,
     #[serde(deserialize_with = "seconds")]

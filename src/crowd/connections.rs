@@ -1,5 +1,6 @@
 //! Connections that wait for their peer's word, and those that work. When there are too many, the
-//! oldest that wait make room: first those of the peer that has the most.
+//! oldest that wait make room, first those of the peer that has the most; and where all work, the
+//! slowest of those whose work waits for the peer's bytes.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -16,6 +17,9 @@ const LEAST_PATIENCE: Duration = Duration::from_secs(3);
 /// The log tells of a crowd so often.
 const TOLD_EVERY: Duration = Duration::from_secs(10);
 
+/// Work that waits for its peer is measured for so long before it can make room.
+const MEASURED_MS: u64 = 2_000;
+
 /// How many connections there may be, and how long one may wait.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
@@ -27,6 +31,9 @@ pub(crate) struct Limits {
     pub(crate) names: [&'static str; 2],
     /// The time that one may wait where there is no crowd.
     pub(crate) patience: Duration,
+    /// Where all places are taken, work that waits for its peer makes room if the peer moves fewer bytes
+    /// a second; 0: none does.
+    pub(crate) crowded_bytes_per_second: u64,
 }
 
 /// All connections of one door.
@@ -51,8 +58,16 @@ pub(crate) struct Member {
     since: AtomicU64,
     /// What it works on: a request, a write.
     works: AtomicUsize,
+    /// Milliseconds after `begun` since which it works.
+    works_since: AtomicU64,
+    /// What of its work waits for the peer: a body, a write.
+    awaited: AtomicUsize,
+    /// Bytes that the peer sent or took since it works.
+    moved: AtomicU64,
     /// It has a limit of its own (a stream of events) and is not counted here.
     apart: AtomicBool,
+    /// What it was sent is not whole.
+    broken: AtomicBool,
     closed: CancellationToken,
 }
 
@@ -69,6 +84,10 @@ pub(crate) struct Place {
 #[derive(Debug)]
 pub(crate) struct Busy(Arc<Member>);
 
+/// The connection's work waits for its peer as long as this lives.
+#[derive(Debug)]
+pub(crate) struct Awaiting(Arc<Member>);
+
 /// The connection is not counted as long as this lives.
 #[derive(Debug)]
 pub(crate) struct Apart(Arc<Member>);
@@ -79,8 +98,8 @@ impl Connections {
         Arc::new(Self { limits, begun: Instant::now(), next, told, members: Mutex::default() })
     }
 
-    /// A place for a connection of `peer`. Where there is none, one that waits is closed for it;
-    /// refused only if all of the peer, or all there are, work.
+    /// A place for a connection of `peer`. Where there is none, one that waits is closed for it, or one
+    /// whose peer is slow; refused only if all of the peer, or all there are, work.
     pub(crate) fn admit(self: &Arc<Self>, peer: Peer, shared: bool) -> Result<Place, LimitReached> {
         let mut members = self.members.lock().unwrap_or_else(PoisonError::into_inner);
         let now = self.now();
@@ -97,8 +116,9 @@ impl Connections {
         }
         let of_peer = members.values().filter(|it| it.counts() && it.peer == peer).count();
         if !shared && of_peer >= self.limits.max_per_peer {
-            let oldest = oldest(members.iter().filter(|(_, it)| it.peer == peer));
-            close(&mut members, oldest.ok_or(LimitReached(self.limits.names[1]))?);
+            let of_peer = || members.iter().filter(|(_, it)| it.peer == peer);
+            let victim = oldest(of_peer()).or_else(|| self.slowest(of_peer(), |_| 0));
+            close(&mut members, victim.ok_or(LimitReached(self.limits.names[1]))?);
         }
         if members.values().filter(|it| it.counts()).count() >= self.limits.max {
             self.tell();
@@ -112,7 +132,11 @@ impl Connections {
             begun: self.begun,
             since: AtomicU64::new(now),
             works: AtomicUsize::new(0),
+            works_since: AtomicU64::new(now),
+            awaited: AtomicUsize::new(0),
+            moved: AtomicU64::new(0),
             apart: AtomicBool::new(false),
+            broken: AtomicBool::new(false),
             closed: CancellationToken::new(),
         });
         members.insert(id, Arc::clone(&member));
@@ -129,7 +153,22 @@ impl Connections {
         let waiting = members.iter().filter(|(_, it)| it.waits());
         let rank =
             |member: &Member| (member.shared, std::cmp::Reverse(of_peer[&member.peer]), member.since());
-        waiting.min_by_key(|(id, it)| (rank(it), **id)).map(|(id, _)| *id)
+        let waiting = waiting.min_by_key(|(id, it)| (rank(it), **id)).map(|(id, _)| *id);
+        waiting.or_else(|| self.slowest(members.iter(), |it| of_peer[&it.peer]))
+    }
+
+    /// The slowest of those whose work waits for a slow peer, of the peer with the most connections.
+    fn slowest<'a>(
+        &self,
+        members: impl Iterator<Item = (&'a u64, &'a Arc<Member>)>,
+        of_peer: impl Fn(&Member) -> usize,
+    ) -> Option<u64> {
+        let now = self.now();
+        let slow = members.filter_map(|(id, it)| {
+            let rate = it.rate(now).filter(|rate| *rate < self.limits.crowded_bytes_per_second)?;
+            Some((it.shared, std::cmp::Reverse(of_peer(it)), rate, *id))
+        });
+        slow.min().map(|(.., id)| id)
     }
 
     /// Half full, it begins to shrink; full, there is next to none.
@@ -178,8 +217,22 @@ fn close(members: &mut HashMap<u64, Arc<Member>>, id: u64) {
 impl Member {
     /// It works until what this gives is dropped.
     pub(crate) fn work(self: &Arc<Self>) -> Busy {
-        self.works.fetch_add(1, Ordering::Relaxed);
+        if self.works.fetch_add(1, Ordering::Relaxed) == 0 {
+            self.works_since.store(milliseconds(self.begun), Ordering::Relaxed);
+            self.moved.store(0, Ordering::Relaxed);
+        }
         Busy(Arc::clone(self))
+    }
+
+    /// Its work waits for the peer until what this gives is dropped.
+    pub(crate) fn wait_for_peer(self: &Arc<Self>) -> Awaiting {
+        self.awaited.fetch_add(1, Ordering::Relaxed);
+        Awaiting(Arc::clone(self))
+    }
+
+    /// The peer sent or took so many bytes.
+    pub(crate) fn moved(&self, bytes: usize) {
+        self.moved.fetch_add(bytes as u64, Ordering::Relaxed);
     }
 
     /// It has a limit of its own until what this gives is dropped.
@@ -196,6 +249,26 @@ impl Member {
         self.counts() && self.works.load(Ordering::Relaxed) == 0
     }
 
+    /// What its peer was sent broke off: its end must not look like a good one.
+    pub(crate) fn broke(&self) {
+        self.broken.store(true, Ordering::Relaxed);
+    }
+
+    pub(crate) fn is_broken(&self) -> bool {
+        self.broken.load(Ordering::Relaxed)
+    }
+
+    /// Bytes a second that the peer moved since it works, if the work waits for the peer now and has
+    /// been measured for long enough.
+    fn rate(&self, now: u64) -> Option<u64> {
+        let measured = now.saturating_sub(self.works_since.load(Ordering::Relaxed));
+        let waits = self.counts()
+            && self.works.load(Ordering::Relaxed) > 0
+            && self.awaited.load(Ordering::Relaxed) > 0
+            && measured >= MEASURED_MS;
+        waits.then(|| self.moved.load(Ordering::Relaxed).saturating_mul(1000) / measured)
+    }
+
     fn since(&self) -> u64 {
         self.since.load(Ordering::Relaxed)
     }
@@ -204,6 +277,12 @@ impl Member {
 impl Drop for Apart {
     fn drop(&mut self) {
         self.0.apart.store(false, Ordering::Relaxed);
+    }
+}
+
+impl Drop for Awaiting {
+    fn drop(&mut self) {
+        self.0.awaited.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
@@ -250,7 +329,14 @@ mod tests {
 
     fn connections(max: usize, max_per_peer: usize) -> Arc<Connections> {
         let patience = Duration::from_secs(30);
-        Connections::new(Limits { max, max_per_peer, names: ["all", "one"], patience })
+        let crowded_bytes_per_second = 65_536;
+        Connections::new(Limits {
+            max,
+            max_per_peer,
+            names: ["all", "one"],
+            patience,
+            crowded_bytes_per_second,
+        })
     }
 
     fn is_closed(place: &Place) -> bool {
@@ -296,6 +382,26 @@ mod tests {
         let _also = third.member().work();
         drop(apart);
         assert!(connections.admit(peer(4), false).is_err());
+    }
+
+    #[test]
+    fn where_all_work_the_slowest_peer_of_the_most_crowded_makes_room() {
+        let mut connections = Arc::into_inner(connections(3, 3)).unwrap();
+        connections.begun -= Duration::from_millis(2 * MEASURED_MS);
+        let connections = Arc::new(connections);
+        let places = [1, 2, 2].map(|it| connections.admit(peer(it), false).unwrap());
+        let _busy = places.each_ref().map(|place| place.member().work());
+        let _awaited = places.each_ref().map(|place| place.member().wait_for_peer());
+        assert!(connections.admit(peer(3), false).is_err(), "not measured yet");
+        for place in &places {
+            place.member.works_since.store(0, Ordering::Relaxed);
+        }
+        places[1].member().moved(1_000);
+        places[2].member().moved(10_000_000);
+        let _fresh = connections.admit(peer(3), false).unwrap();
+        assert_eq!(places.each_ref().map(is_closed), [false, true, false]);
+        let _alone = connections.admit(peer(4), false).unwrap();
+        assert_eq!(places.each_ref().map(is_closed), [true, true, false], "who keeps the rate stays");
     }
 
     #[test]

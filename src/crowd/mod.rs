@@ -16,7 +16,7 @@ mod pace;
 mod peer;
 mod places;
 
-pub(crate) use connections::{Apart, Busy, Connections, Limits, Member, Place};
+pub(crate) use connections::{Apart, Awaiting, Busy, Connections, Limits, Member, Place};
 pub(crate) use descriptors::fit;
 pub use network::Network;
 pub(crate) use pace::Pace;

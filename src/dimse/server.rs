@@ -49,6 +49,7 @@ pub async fn serve(
         max_per_peer: config.max_waiting_per_peer,
         names: ["dimse.max_waiting", "dimse.max_waiting_per_peer"],
         patience: config.association_timeout,
+        crowded_bytes_per_second: 0,
     });
     let associations = Places::new(
         config.max_associations,

@@ -20,7 +20,7 @@ use hyper_util::service::TowerToHyperService;
 use super::client::{Client, behind};
 use super::host::PROBES;
 use crate::config;
-use crate::crowd::{Busy, Member, Network, Peer, Places, Slot};
+use crate::crowd::{Awaiting, Busy, Member, Network, Peer, Places, Slot};
 use crate::error::Error;
 
 /// Of a refused request, so much is taken and dropped, for so long: closing with unread bytes would
@@ -66,13 +66,14 @@ impl Door {
         arrival: Arrival,
         mut request: Request<Incoming>,
     ) -> Result<Response<Body>, Infallible> {
-        let busy = arrival.connection.work();
         let is_probe = PROBES.contains(&request.uri().path());
+        // Who is refused makes room for the next, while it is waited for the rest of its request.
         if arrival.probes_alone && !is_probe {
             return Ok(
                 refuse(request, "http.max_connections or max_connections_per_address is reached").await
             );
         }
+        let busy = arrival.connection.work();
         let mut slot = None;
         let peer = if self.is_proxy(arrival.address) {
             let peer = behind(arrival.address, request.headers(), &self.proxies);
@@ -87,11 +88,13 @@ impl Door {
         };
         let client = Client { peer, connection: Arc::clone(&arrival.connection) };
         request.extensions_mut().insert(client);
+        let connection = Arc::clone(&arrival.connection);
+        let request = request.map(|body| Arriving::new(body, arrival.connection));
         let mut response = self.routes.call(request).await?;
         if arrival.probes_alone {
             response.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
         }
-        Ok(response.map(|body| Body::new(Answering { body, _busy: busy, _slot: slot })))
+        Ok(response.map(|body| Body::new(Answering { body, connection, _busy: busy, _slot: slot })))
     }
 }
 
@@ -114,9 +117,50 @@ async fn refuse(request: Request<Incoming>, why: &'static str) -> Response<Body>
     response
 }
 
+/// A request's body; while it is waited for, the connection's work waits for its peer.
+struct Arriving {
+    body: Incoming,
+    connection: Arc<Member>,
+    awaiting: Option<Awaiting>,
+}
+
+impl Arriving {
+    fn new(body: Incoming, connection: Arc<Member>) -> Self {
+        Self { body, connection, awaiting: None }
+    }
+}
+
+impl hyper::body::Body for Arriving {
+    type Data = Bytes;
+    type Error = hyper::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, hyper::Error>>> {
+        let frame = Pin::new(&mut self.body).poll_frame(cx);
+        if frame.is_pending() && self.awaiting.is_none() {
+            self.awaiting = Some(self.connection.wait_for_peer());
+        }
+        if let Poll::Ready(frame) = &frame {
+            self.awaiting = None;
+            let data = frame.as_ref().and_then(|frame| frame.as_ref().ok()?.data_ref());
+            self.connection.moved(data.map_or(0, Bytes::len));
+        }
+        frame
+    }
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}
+
 /// An answer's body; while it is sent the connection works, and the request keeps its place.
 struct Answering {
     body: Body,
+    connection: Arc<Member>,
     _busy: Busy,
     _slot: Option<Slot>,
 }
@@ -129,7 +173,11 @@ impl hyper::body::Body for Answering {
         mut self: Pin<&mut Self>,
         cx: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
-        Pin::new(&mut self.body).poll_frame(cx)
+        let frame = Pin::new(&mut self.body).poll_frame(cx);
+        if matches!(frame, Poll::Ready(Some(Err(_)))) {
+            self.connection.broke();
+        }
+        frame
     }
     fn is_end_stream(&self) -> bool {
         self.body.is_end_stream()

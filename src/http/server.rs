@@ -40,12 +40,14 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: Cancellatio
         max_per_peer: settings.max_connections_per_address,
         names,
         patience: settings.idle_timeout,
+        crowded_bytes_per_second: settings.crowded_bytes_per_second,
     });
     let reserve = Connections::new(Limits {
         max: RESERVE,
         max_per_peer: RESERVE_OF_PEER,
         names,
         patience: RESERVE_PATIENCE.min(settings.idle_timeout),
+        crowded_bytes_per_second: settings.crowded_bytes_per_second,
     });
     let door = Door::new(router::router(state, shutdown.clone()), &settings);
     let tasks = TaskTracker::new();

@@ -12,7 +12,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::{Instant, Sleep};
 
-use crate::crowd::{Busy, Member, Pace};
+use crate::crowd::{Awaiting, Busy, Member, Pace};
 
 /// A TCP connection with a limit on how long one write may wait, and on how slow all of them may be.
 pub(super) struct TimedIo {
@@ -28,8 +28,9 @@ struct Waiting {
     since: Instant,
     /// When it has waited too long.
     end: Pin<Box<Sleep>>,
-    /// What is not sent yet must not be lost to somebody who needs the connection.
+    /// What is not sent yet must not be lost to somebody who needs the connection, unless the peer is slow.
     _busy: Busy,
+    _awaiting: Awaiting,
 }
 
 impl TimedIo {
@@ -45,17 +46,36 @@ impl TimedIo {
     ) -> Poll<io::Result<T>> {
         if let Poll::Ready(result) = write {
             let waited = self.waiting.take().map_or(Duration::ZERO, |waiting| waiting.since.elapsed());
-            self.pace.moved(waited, result.as_ref().map_or(0, bytes));
+            let moved = result.as_ref().map_or(0, bytes);
+            self.pace.moved(waited, moved);
+            self.member.moved(moved);
             return Poll::Ready(result);
         }
         let (limit, member) = (self.limit.min(self.pace.left()), &self.member);
         let waiting = self.waiting.get_or_insert_with(|| {
             let since = Instant::now();
-            Waiting { since, end: Box::pin(tokio::time::sleep_until(since + limit)), _busy: member.work() }
+            Waiting {
+                since,
+                end: Box::pin(tokio::time::sleep_until(since + limit)),
+                _busy: member.work(),
+                _awaiting: member.wait_for_peer(),
+            }
         });
         match waiting.end.as_mut().poll(cx) {
             Poll::Ready(()) => Poll::Ready(Err(io::ErrorKind::TimedOut.into())),
             Poll::Pending => Poll::Pending,
+        }
+    }
+}
+
+impl Drop for TimedIo {
+    /// An answer that broke off ends with a reset: one to HTTP/1.0 may have neither length nor chunks, so
+    /// that its client could take an ordinary end for that of the answer.
+    fn drop(&mut self) {
+        if self.member.is_broken()
+            && let Err(cause) = self.stream.set_zero_linger()
+        {
+            tracing::debug!(error = %cause, "SO_LINGER can't be set");
         }
     }
 }
@@ -91,6 +111,9 @@ impl AsyncWrite for TimedIo {
         self.timed(cx, flush, |()| 0)
     }
     fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        if self.member.is_broken() {
+            return Poll::Ready(Ok(()));
+        }
         Pin::new(&mut self.stream).poll_shutdown(cx)
     }
 }

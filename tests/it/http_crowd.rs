@@ -65,9 +65,12 @@ async fn connections_that_drip_their_head_make_room_the_oldest_of_the_most_crowd
 #[tokio::test]
 async fn where_all_connections_work_probes_are_answered_and_others_are_told() {
     for of_one_address in [false, true] {
-        let server = Server::with(|config| match of_one_address {
-            false => config.http.max_connections = 2,
-            true => config.http.max_connections_per_address = 2,
+        let server = Server::with(|config| {
+            config.http.crowded_bytes_per_second = 0;
+            match of_one_address {
+                false => config.http.max_connections = 2,
+                true => config.http.max_connections_per_address = 2,
+            }
         })
         .await;
         let mut held = Vec::new();
@@ -192,6 +195,67 @@ async fn an_upload_that_drips_loses_its_place_where_all_are_taken() {
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
     assert_eq!(status(&rest(dripping).await), "408");
+}
+
+#[tokio::test]
+async fn an_upload_that_keeps_the_least_rate_but_is_slow_loses_its_place_in_a_crowd() {
+    let server = Server::with(|config| config.http.max_uploads = 1).await;
+    let upload = begun_upload(connect_from(&server, 1).await, "").await;
+    let (_reading, mut writing) = upload.into_split();
+    let steady = tokio::spawn(async move {
+        while writing.write_all(&[b'P'; 500]).await.is_ok() {
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    });
+    while server.post("/v1/series").body(zip_of(1, 3)).send().await.unwrap().status() != 202 {
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    steady.abort();
+}
+
+#[tokio::test]
+async fn requests_whose_bodies_drip_make_room_where_all_connections_work() {
+    let server = Server::with(|config| config.http.max_connections = 4).await;
+    let mut dripping = Vec::new();
+    for address in 1..=4 {
+        let mut stream = connect_from(&server, address).await;
+        let head = "POST /v1/series/1.2.3/reconstructions HTTP/1.1\r\nhost: localhost\r\n\
+                    content-type: application/json\r\ncontent-length: 60000\r\n\r\n{";
+        stream.write_all(head.as_bytes()).await.unwrap();
+        dripping.push(stream);
+    }
+    // Until it is sure that they drip, others are told to come again.
+    loop {
+        let request = b"GET /v1/series HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n";
+        let mut fresh = connect_from(&server, 9).await;
+        fresh.write_all(request).await.unwrap();
+        if status(&rest(fresh).await) == "200" {
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    assert!(rest(dripping.remove(0)).await.is_empty(), "the slowest and first one is closed");
+}
+
+#[tokio::test]
+async fn who_is_refused_keeps_no_probe_waiting() {
+    let server = Server::with(|config| {
+        config.http.crowded_bytes_per_second = 0;
+        config.http.max_connections = 1;
+    })
+    .await;
+    let held = begun_upload(connect_from(&server, 1).await, "").await;
+    let mut refused = Vec::new();
+    for n in 0..40 {
+        let mut stream = connect_from(&server, 2 + n % 5).await;
+        let head = "POST /v1/series HTTP/1.1\r\nhost: localhost\r\ncontent-length: 60000\r\n\r\nx";
+        stream.write_all(head.as_bytes()).await.unwrap();
+        refused.push(stream);
+    }
+    let mut probe = connect_from(&server, 9).await;
+    probe.write_all(b"GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n").await.unwrap();
+    assert_eq!(status(&rest(probe).await), "200");
+    drop(held);
 }
 
 #[tokio::test]

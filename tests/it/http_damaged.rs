@@ -11,6 +11,8 @@ use triplanar::geometry::{Frame, Plane, PlaneSet};
 use triplanar::pipeline::Figures;
 use triplanar::store::{Outcome, ReconstructionId};
 
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+
 use crate::support::http::{Server, metadata, problem};
 
 /// The file of that name in the only result of a reconstruction.
@@ -108,6 +110,11 @@ async fn an_answer_that_meets_a_damaged_block_breaks_off_and_is_never_whole() {
     begun.bytes().await.expect_err("its client must see that it is not whole");
     let packed = get(&path).header("accept-encoding", "gzip").send().await.unwrap();
     packed.bytes().await.expect_err("nor is a compressed one whole");
+    // Such an answer has neither length nor chunks.
+    let mut old = tokio::net::TcpStream::connect(server.address).await.unwrap();
+    let request = format!("GET {path} HTTP/1.0\r\nhost: localhost\r\naccept-encoding: gzip\r\n\r\n");
+    old.write_all(request.as_bytes()).await.unwrap();
+    old.read_to_end(&mut Vec::new()).await.expect_err("nor to HTTP/1.0: the connection is reset");
     let middle = stored.len() / 2;
     let harmed = get(&path).header("range", format!("bytes={}-", middle - 100_000)).send().await.unwrap();
     harmed.bytes().await.expect_err("nor a part that holds the damage");
@@ -122,7 +129,7 @@ async fn an_answer_that_meets_a_damaged_block_breaks_off_and_is_never_whole() {
     let other = get(&format!("{path}?plane=axial")).send().await.unwrap();
     assert_eq!(other.bytes().await.unwrap().len(), stored.len() - 4, "other files are not touched");
     let metrics = get("/metrics").send().await.unwrap().text().await.unwrap();
-    assert!(metrics.contains("triplanar_results_damaged_total 5"), "{metrics}");
+    assert!(metrics.contains("triplanar_results_damaged_total 6"), "{metrics}");
 }
 
 #[tokio::test]

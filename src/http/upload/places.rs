@@ -1,5 +1,5 @@
 //! Places of uploads: so many in all and so many for one address; and where all are taken, an upload
-//! that only drips loses its place to one that comes.
+//! that is slow loses its place to one that comes.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -20,7 +20,7 @@ const MEASURED: Duration = Duration::from_secs(2);
 pub(in crate::http) struct Uploads {
     max: usize,
     max_per_address: usize,
-    min_bytes_per_second: u64,
+    crowded_bytes_per_second: u64,
     next: AtomicU64,
     open: Mutex<HashMap<u64, Arc<Upload>>>,
 }
@@ -48,7 +48,7 @@ impl Uploads {
         Arc::new(Self {
             max: settings.max_uploads,
             max_per_address: settings.max_uploads_per_address,
-            min_bytes_per_second: settings.min_bytes_per_second,
+            crowded_bytes_per_second: settings.crowded_bytes_per_second,
             next: AtomicU64::new(0),
             open: Mutex::default(),
         })
@@ -57,7 +57,7 @@ impl Uploads {
     /// A place for an upload of `peer`.
     ///
     /// # Errors
-    /// [`Error::Busy`] if all are taken by uploads that keep the pace.
+    /// [`Error::Busy`] if all are taken by uploads that are fast enough for a crowd.
     pub(in crate::http) fn take(self: &Arc<Self>, peer: Peer) -> Result<UploadPlace> {
         let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
         if open.values().filter(|it| it.peer == peer).count() >= self.max_per_address {
@@ -90,7 +90,7 @@ impl Uploads {
             of(it)
                 && !it.whole.load(Ordering::Relaxed)
                 && it.begun.elapsed() >= MEASURED
-                && rate(it) < self.min_bytes_per_second as f64
+                && rate(it) < self.crowded_bytes_per_second as f64
         });
         let (id, _) = slow.min_by(|(_, a), (_, b)| rate(a).total_cmp(&rate(b)))?;
         let id = *id;
