@@ -122,7 +122,7 @@ impl Connections {
         }
         if members.values().filter(|it| it.counts()).count() >= self.limits.max {
             self.tell();
-            let victim = self.victim(&members).ok_or(LimitReached(self.limits.names[0]))?;
+            let victim = self.victim(&members, peer, shared).ok_or(LimitReached(self.limits.names[0]))?;
             close(&mut members, victim);
         }
         let id = self.next.fetch_add(1, Ordering::Relaxed);
@@ -144,17 +144,20 @@ impl Connections {
     }
 
     /// The oldest that waits, of the peer that has the most connections of which one waits; a proxy's
-    /// go last.
-    fn victim(&self, members: &HashMap<u64, Arc<Member>>) -> Option<u64> {
+    /// go last. None goes for a peer that has more connections than its own.
+    fn victim(&self, members: &HashMap<u64, Arc<Member>>, newcomer: Peer, shared: bool) -> Option<u64> {
         let mut of_peer = HashMap::<Peer, usize>::new();
         for member in members.values().filter(|it| it.counts()) {
             *of_peer.entry(member.peer).or_default() += 1;
         }
-        let waiting = members.iter().filter(|(_, it)| it.waits());
+        let of_newcomer = if shared { 0 } else { of_peer.get(&newcomer).copied().unwrap_or(0) };
+        let may_go = |it: &Member| of_peer[&it.peer] >= of_newcomer;
+        let waiting = members.iter().filter(|(_, it)| it.waits() && may_go(it));
         let rank =
             |member: &Member| (member.shared, std::cmp::Reverse(of_peer[&member.peer]), member.since());
         let waiting = waiting.min_by_key(|(id, it)| (rank(it), **id)).map(|(id, _)| *id);
-        waiting.or_else(|| self.slowest(members.iter(), |it| of_peer[&it.peer]))
+        let working = members.iter().filter(|(_, it)| it.counts() && may_go(it));
+        waiting.or_else(|| self.slowest(working, |it| of_peer[&it.peer]))
     }
 
     /// The slowest of those whose work waits for a slow peer, of the peer with the most connections.
@@ -382,6 +385,18 @@ mod tests {
         let _also = third.member().work();
         drop(apart);
         assert!(connections.admit(peer(4), false).is_err());
+    }
+
+    #[test]
+    fn a_crowded_peer_takes_no_place_of_one_that_has_fewer() {
+        let connections = connections(3, 3);
+        let alone = connections.admit(peer(1), false).unwrap();
+        let crowd = [2, 2].map(|it| connections.admit(peer(it), false).unwrap());
+        let _busy = crowd.each_ref().map(|place| place.member().work());
+        assert_eq!(connections.admit(peer(2), false).unwrap_err(), LimitReached("all"));
+        assert!(!is_closed(&alone));
+        let _fresh = connections.admit(peer(3), false).unwrap();
+        assert!(is_closed(&alone), "an equal one does");
     }
 
     #[test]
