@@ -20,10 +20,10 @@ impl Intake {
     pub(super) async fn again(
         &self,
         stored: InstanceRecord,
-        new: NewInstance,
+        mut new: NewInstance,
         announced: &Announced,
     ) -> Result<Receipt> {
-        let corrected = self.correct(stored, &new, announced).await;
+        let corrected = self.correct(stored, &mut new, announced).await;
         if !matches!(corrected, Ok(true)) {
             // After a failed commit only the catalog knows whether the row names the new blob.
             let row = self.shared.store.instance(&new.header.sop_instance_uid).await;
@@ -38,11 +38,11 @@ impl Intake {
     async fn correct(
         &self,
         mut stored: InstanceRecord,
-        new: &NewInstance,
+        new: &mut NewInstance,
         announced: &Announced,
     ) -> Result<bool> {
         let (store, policy, sender) = (&self.shared.store, &self.shared.policy, announced.sender.id());
-        let (uid, series) = (&new.header.sop_instance_uid, &new.header.series_instance_uid);
+        let (uid, series) = (&new.header.sop_instance_uid.clone(), &new.header.series_instance_uid.clone());
         for _ in 0..TRIES {
             let compared = self.compare(&stored, new).await;
             if compared.is_err()
@@ -63,8 +63,10 @@ impl Intake {
                 Comparison::Identity(fields) => fields,
             };
             self.read_identities(series).await?;
+            self.state_image(new, &stored).await?;
             if let Some(settled) = store.catalog().correct(&stored, &fields, new, sender, policy).await? {
                 tracing::info!(%series, instance = %uid, fields = names(&fields), "identity of an instance corrected");
+                self.shared.metrics.instance_corrected();
                 self.note_settled(series, &settled);
                 if let Err(error) = store.remove_replaced(false).await {
                     tracing::warn!(%series, %error, "a replaced data set can't be removed; will try again");
@@ -75,6 +77,16 @@ impl Intake {
             stored = store.instance(uid).await?.ok_or(Error::Busy("the series was removed meanwhile"))?;
         }
         Err(Error::Busy("others correct the same instance"))
+    }
+
+    /// The new file tells which image it is of, unless that goes without saying.
+    pub(super) async fn state_image(&self, new: &mut NewInstance, stored: &InstanceRecord) -> Result<()> {
+        let image = stored.image_sha256;
+        if new.image_sha256.unwrap_or(new.data_set_sha256) != image {
+            let (store, former) = (self.shared.store.clone(), new.clone());
+            *new = blocking(move || store.state_image(&former, image)).await?;
+        }
+        Ok(())
     }
 
     /// The instance came as it is stored.

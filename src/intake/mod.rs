@@ -173,6 +173,20 @@ impl Intake {
         Ok(Spool::new(self.shared.store.clone(), self.shared.max_instance_bytes))
     }
 
+    /// The sender ended within an instance: nothing of it is kept. What it sent of a series before is in
+    /// doubt; of one that it began with this instance nothing is known but what stands here.
+    pub(crate) fn cut(&self, sender: &Sender, announced: Option<&str>) {
+        let kind = sender.kind();
+        self.shared.metrics.instance_received(kind, "cut");
+        let (id, instance) = (sender.id(), announced.unwrap_or("not told"));
+        tracing::warn!(
+            sender = kind.name(),
+            %id,
+            sop_instance_uid = instance,
+            "the sender ended within an instance; it was not stored"
+        );
+    }
+
     /// Makes the instance durable: when this returns `Ok`, its bytes, its directory entry and its
     /// catalog row survive a power cut. It was counted and logged here, whatever the outcome.
     ///

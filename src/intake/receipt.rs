@@ -53,7 +53,8 @@ impl Intake {
             // What is stored is durable, and nothing needs to be written, if it is what was received.
             if !store.is_whole(&stored).await? {
                 let keeper = store.clone();
-                let new = blocking(move || Ok(keeper.keep(staged)?)).await?;
+                let mut new = blocking(move || Ok(keeper.keep(staged)?)).await?;
+                self.state_image(&mut new, &stored).await?;
                 store.replace_damaged(&new).await?;
             }
             self.confirmed(&header, announced).await?;

@@ -10,12 +10,12 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::blobs::{Aside, Files, keys_under};
-use super::catalog::{CatalogReader, ResultRow};
+use super::catalog::{CatalogReader, InstanceRow, ResultRow};
 use super::open::{CATALOG, OpenError};
 use super::reading::{REPORT, cloud_name, result_names};
-use super::recovery::{RECORD, ResultRecord};
+use super::recovery::{ChoiceRecord, RECORD, ResultRecord};
 use super::verify;
-use super::{Damage, InstanceRecord, blocking, hashed};
+use super::{Damage, blocking, hashed};
 use crate::config;
 use crate::error::{Error, Result};
 use crate::geometry::Plane;
@@ -80,6 +80,12 @@ impl super::Store {
         }
         let reader = CatalogReader::open(&root.join(CATALOG)).await;
         let reader = reader.map_err(|error| unusable(error.into()))?;
+        if let Ok((found, known)) = reader.schema().await
+            && found > known
+        {
+            reader.close().await;
+            return Err(OpenError::Newer { path: root, found, known });
+        }
         let checked = check(&reader, &root, in_use).await;
         reader.close().await;
         checked.map_err(|error| match error {
@@ -139,15 +145,14 @@ fn problem(kind: &'static str, path: &str, series: Option<&str>, of: Option<&str
 /// Every instance and result; gives the paths that rows name.
 fn files(
     root: &Path,
-    instances: &[InstanceRecord],
+    instances: &[InstanceRow],
     results: &[ResultRow],
     checked: &mut Checked,
 ) -> Result<HashSet<String>> {
     let mut known = HashSet::new();
     for row in instances {
         known.insert(row.blob.clone());
-        let header = &row.header;
-        let (series, uid) = (header.series_instance_uid.as_str(), header.sop_instance_uid.as_str());
+        let (series, uid) = (row.series.as_str(), row.sop_instance.as_str());
         let found = |kind, detail: &str| problem(kind, &row.blob, Some(series), Some(uid), detail);
         match fs::read(root.join(&row.blob)) {
             Ok(file) => {
@@ -155,7 +160,7 @@ fn files(
                 if file.len() as u64 != row.size {
                     let detail = format!("{} bytes instead of {}", file.len(), row.size);
                     checked.problems.push(found("damaged", &detail));
-                } else if !verify::is_whole(row, &file) {
+                } else if !verify::is_acknowledged(&acknowledged(row), &file) {
                     checked.problems.push(found("damaged", "not the bytes that were received (SHA-256)"));
                 }
             }
@@ -163,7 +168,15 @@ fn files(
         }
     }
     for row in results {
-        known.extend(keys_under(root, vec![root.join(&row.prefix)])?);
+        let keys = keys_under(root, vec![root.join(&row.prefix)])?;
+        for key in &keys {
+            let is_choice = key.rsplit_once('/').is_some_and(|(_, name)| ChoiceRecord::is_name(name));
+            if is_choice && ChoiceRecord::from_json(&fs::read(root.join(key))?).is_none() {
+                let detail = "no record of a clinical choice";
+                checked.problems.push(problem("damaged", key, Some(&row.series), Some(&row.id), detail));
+            }
+        }
+        known.extend(keys);
         let clouds = std::iter::once(None).chain(Plane::ALL.map(Some)).map(cloud_name);
         let names = clouds.filter(|_| row.has_cloud).chain(std::iter::once(REPORT.to_owned()));
         for name in names {
@@ -179,6 +192,16 @@ fn files(
         }
     }
     Ok(known)
+}
+
+fn acknowledged(row: &InstanceRow) -> verify::Acknowledged<'_> {
+    verify::Acknowledged {
+        sop_class: &row.sop_class,
+        sop_instance: &row.sop_instance,
+        transfer_syntax: &row.transfer_syntax,
+        size: row.size,
+        data_set_sha256: row.data_set_sha256,
+    }
 }
 
 /// What is wrong with a file of a result: by the hashes of its blocks, or, in results that have none,

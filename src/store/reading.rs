@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use super::catalog::set_sha256;
+use super::catalog::{Chosen, set_sha256};
 use super::records::{
     Clinical, ClinicalChoice, IdentityChange, InstanceRecord, Page, ReconstructionFilter, ReconstructionId,
     ReconstructionRecord, Refused, SeriesFilter, SeriesRecord,
 };
+use super::recovery::ChoiceRecord;
 use super::source::StoredInstances;
-use super::{Damage, HashedFile, Store, blocking, hashed};
+use super::{Damage, HashedFile, Store, blobs, blocking, hashed};
 use crate::dicom::series::unfit_detail;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
@@ -119,6 +120,14 @@ impl Store {
         self.0.catalog.clinical(uid).await
     }
 
+    /// How many series wait for the rest of their instances with a corrected identity.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn identities_changing(&self) -> Result<u64> {
+        self.0.catalog.identities_changing().await
+    }
+
     /// The one that is, or will be, clinical at that revision of the series, whatever its state.
     ///
     /// # Errors
@@ -142,7 +151,25 @@ impl Store {
         id: Option<ReconstructionId>,
         by: Option<&str>,
     ) -> Result<()> {
-        self.0.catalog.choose_clinical(uid, id, by).await
+        let Chosen { tx, choice, results } = self.0.catalog.choose_clinical(uid, id, by).await?;
+        let keys: Vec<String> =
+            results.iter().map(|prefix| format!("{prefix}/{}", ChoiceRecord::new_name())).collect();
+        let (blobs, written, record) =
+            (Arc::clone(&self.0.blobs), keys.clone(), ChoiceRecord::new(choice).to_json()?);
+        // Beside the results first: a catalog that is made again knows of the choice.
+        let put = move || Ok(written.iter().try_for_each(|key| blobs::put(&*blobs, key, &record))?);
+        let chosen = match blocking(put).await {
+            Ok(()) => tx.commit().await.map_err(Error::from),
+            Err(error) => Err(error),
+        };
+        if chosen.is_err() {
+            let blobs = Arc::clone(&self.0.blobs);
+            let removed = blocking(move || Ok(keys.iter().try_for_each(|key| blobs.remove(key))?)).await;
+            if let Err(error) = removed {
+                tracing::warn!(%error, "the record of a choice that was not made can't be removed");
+            }
+        }
+        chosen
     }
 
     /// What operators chose, oldest first.

@@ -10,9 +10,10 @@ use tempfile::NamedTempFile;
 use uuid::Uuid;
 
 use super::catalog::{Added, Catalog, NewInstance, Policy};
-use super::verify::is_whole;
+use super::verify::{self, is_whole};
 use super::{Store, blocking};
 use crate::dicom::header::InstanceHeader;
+use crate::dicom::part10::file_meta_with;
 use crate::dicom::uid::SopInstanceUid;
 use crate::error::{Error, Result};
 
@@ -81,7 +82,26 @@ impl Store {
         let folder = unique.as_bytes()[0];
         let blob = format!("instances/{folder:02x}/{}.{}.dcm", header.sop_instance_uid, unique.simple());
         self.0.blobs.adopt(file, &blob)?;
-        Ok(NewInstance { header, blob, size, data_set_sha256 })
+        Ok(NewInstance { header, blob, size, data_set_sha256, image_sha256: None })
+    }
+
+    /// The same instance in a file that also tells the hash of its image: the hash of the data set that
+    /// was stored first, by which its set keeps its identity when the catalog is rebuilt. The former
+    /// file is removed. Blocks.
+    pub(crate) fn state_image(&self, new: &NewInstance, image_sha256: [u8; 32]) -> Result<NewInstance> {
+        let former = self.0.blobs.read(&new.blob)?;
+        let data_set =
+            verify::data_set(&former).ok_or_else(|| Error::internal("not the file that was kept"))?;
+        let header = &new.header;
+        let file_meta = file_meta_with(
+            &header.sop_class_uid,
+            &header.sop_instance_uid,
+            &header.transfer_syntax_uid,
+            Some(&image_sha256),
+        );
+        let stated = self.keep(self.stage(header.clone(), &file_meta, data_set)?)?;
+        self.0.blobs.remove(&new.blob)?;
+        Ok(NewInstance { image_sha256: Some(image_sha256), ..stated })
     }
 
     /// Gives a durable instance its row. If that is refused its blob is removed; if there is a row

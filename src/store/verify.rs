@@ -3,28 +3,64 @@
 use sha2::{Digest as _, Sha256};
 
 use super::records::InstanceRecord;
-use crate::dicom::part10::file_meta;
+use crate::dicom::part10::{self, file_meta};
+use crate::dicom::uid::{SopClassUid, SopInstanceUid, TransferSyntaxUid};
 
 /// Where the elements of group 2 begin, after their length.
 const GROUP: usize = 144;
 /// Implementation Class UID (0002,0012): begins what tells the software.
 const SOFTWARE: &[u8] = b"\x02\0\x12\0UI";
 
+/// What the file of an instance must be.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Acknowledged<'a> {
+    pub(super) sop_class: &'a SopClassUid,
+    pub(super) sop_instance: &'a SopInstanceUid,
+    pub(super) transfer_syntax: &'a TransferSyntaxUid,
+    /// Bytes of the file.
+    pub(super) size: u64,
+    pub(super) data_set_sha256: [u8; 32],
+}
+
 /// SHA-256 of the data set of a Part 10 file that we wrote; `None` if it has not our header.
 pub(super) fn fingerprint(file: &[u8]) -> Option<[u8; 32]> {
-    Some(Sha256::digest(file.get(data_set_offset(file)?..)?).into())
+    Some(Sha256::digest(data_set(file)?).into())
+}
+
+/// Hash of the data set that was stored first, where the file has a corrected one.
+pub(super) fn image_sha256(file: &[u8]) -> Option<[u8; 32]> {
+    part10::image_sha256(file.get(GROUP..data_set_offset(file)?)?)
+}
+
+/// The data set of a Part 10 file that we wrote.
+pub(super) fn data_set(file: &[u8]) -> Option<&[u8]> {
+    file.get(data_set_offset(file)?..)
 }
 
 /// Whether the file is the one that the row tells of.
 pub(super) fn is_whole(row: &InstanceRecord, file: &[u8]) -> bool {
-    file.len() as u64 == row.size && fingerprint(file) == Some(row.data_set_sha256) && names(row, file)
+    let header = &row.header;
+    is_acknowledged(
+        &Acknowledged {
+            sop_class: &header.sop_class_uid,
+            sop_instance: &header.sop_instance_uid,
+            transfer_syntax: &header.transfer_syntax_uid,
+            size: row.size,
+            data_set_sha256: row.data_set_sha256,
+        },
+        file,
+    )
 }
 
-/// Whether the file's header names the row's SOP class, instance and transfer syntax. What follows
-/// them there tells the software that wrote it.
-fn names(row: &InstanceRecord, file: &[u8]) -> bool {
-    let header = &row.header;
-    let expected = file_meta(&header.sop_class_uid, &header.sop_instance_uid, &header.transfer_syntax_uid);
+/// Whether the file is what was acknowledged.
+pub(super) fn is_acknowledged(what: &Acknowledged<'_>, file: &[u8]) -> bool {
+    file.len() as u64 == what.size && fingerprint(file) == Some(what.data_set_sha256) && names(what, file)
+}
+
+/// Whether the file's header names the SOP class, instance and transfer syntax. What follows them
+/// there tells the software that wrote it.
+fn names(what: &Acknowledged<'_>, file: &[u8]) -> bool {
+    let expected = file_meta(what.sop_class, what.sop_instance, what.transfer_syntax);
     let end = expected.windows(SOFTWARE.len()).position(|window| window == SOFTWARE);
     end.is_some_and(|end| file.get(GROUP..end) == expected.get(GROUP..end))
 }

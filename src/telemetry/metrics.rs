@@ -101,6 +101,8 @@ pub struct Metrics {
     registry: Registry,
     instances: Family<InstanceLabels, Counter>,
     bytes_stored: Counter,
+    corrected_instances: Counter,
+    identity_changing: Gauge,
     series_completed: Family<ReasonLabel, Counter>,
     associations_accepted: Counter,
     associations_rejected: Family<ReasonLabel, Counter>,
@@ -138,6 +140,8 @@ impl Metrics {
             registry: Registry::with_prefix("triplanar"),
             instances: Family::default(),
             bytes_stored: Counter::default(),
+            corrected_instances: Counter::default(),
+            identity_changing: Gauge::default(),
             series_completed: Family::default(),
             associations_accepted: Counter::default(),
             associations_rejected: Family::default(),
@@ -173,7 +177,8 @@ impl Metrics {
         let r = &mut self.registry;
         r.register(
             "instances",
-            "Instances received, by sender and outcome (stored, duplicate or the refusal's code)",
+            "Instances received, by sender and outcome (stored, duplicate, the refusal's code, or cut: its \
+             association or request ended within it)",
             self.instances.clone(),
         );
         r.register_with_unit(
@@ -181,6 +186,16 @@ impl Metrics {
             "Bytes of the instances stored",
             Unit::Bytes,
             self.bytes_stored.clone(),
+        );
+        r.register(
+            "corrected_instances",
+            "Stored instances whose data set was replaced by one with a corrected identity",
+            self.corrected_instances.clone(),
+        );
+        r.register(
+            "series_identity_changing",
+            "Series of which some instances carry a corrected identity and others do not yet",
+            self.identity_changing.clone(),
         );
         r.register(
             "series_completed",
@@ -278,7 +293,7 @@ impl Metrics {
     }
 
     /// An instance was answered: `outcome` is `stored`, `duplicate` or the code of
-    /// [`crate::error::Mapping`].
+    /// [`crate::error::Mapping`]; or its sender ended within it: `cut`.
     pub fn instance_received(&self, sender: SenderKind, outcome: &'static str) {
         self.instances.get_or_create(&InstanceLabels { sender: sender.name(), outcome }).inc();
     }
@@ -286,6 +301,16 @@ impl Metrics {
     /// So many bytes of an instance were made durable.
     pub fn bytes_stored(&self, bytes: u64) {
         self.bytes_stored.inc_by(bytes);
+    }
+
+    /// A stored instance was replaced by one with a corrected identity.
+    pub fn instance_corrected(&self) {
+        self.corrected_instances.inc();
+    }
+
+    /// So many series wait for the rest of their instances with a corrected identity.
+    pub fn set_identity_changing(&self, series: u64) {
+        self.identity_changing.set(i64::try_from(series).unwrap_or(i64::MAX));
     }
 
     /// A series became complete.

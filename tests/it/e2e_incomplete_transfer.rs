@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use crate::support::client::Client;
-use crate::support::scu::{CT, EXPLICIT, Request, Scu, ct_slice, pdu};
+use crate::support::scu::{CT, EXPLICIT, Request, Scu, c_store, ct_slice, pdu, pdv};
 use crate::support::service::{Service, Settings};
 
 /// No quiet time after an end that counts: it would be the reason for which a series is complete.
@@ -167,4 +167,88 @@ async fn so_does_a_request_that_is_cut_in_the_middle() {
     for (number, ..) in doors {
         is_doubted(&service, number, "upload_broken").await;
     }
+}
+
+/// The command and half of the data set of instance `index`, then the end of the connection.
+fn cut_within(mut scu: Scu, number: u8, index: u16) {
+    let instance = format!("{}.{}", series(number), index + 1);
+    let data_set = ct_slice(&series(number), &instance, index, 40);
+    scu.send_pdvs(&[pdv(1, 3, &c_store(99, CT, &instance)), pdv(1, 0, &data_set[..data_set.len() / 2])]);
+    drop(scu);
+}
+
+/// Waits until so many instances were cut, by the metrics.
+async fn cut(service: &Service, sender: &str, instances: u32) {
+    let line = format!("triplanar_instances_total{{sender=\"{sender}\",outcome=\"cut\"}} {instances}");
+    let begin = Instant::now();
+    loop {
+        let metrics = Client::new(service.http).get("/metrics").await.text().await.unwrap();
+        if metrics.lines().any(|told| told == line) {
+            return;
+        }
+        assert!(begin.elapsed() < Duration::from_secs(60), "{line} is missing in\n{metrics}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_further_instance_that_is_cut_leaves_a_doubt_and_a_first_one_a_line_in_the_log() {
+    let service = settings().start();
+    cut_within(stored(&service, 1, 0..4), 1, 4);
+    is_doubted(&service, 1, "association_lost").await;
+    cut(&service, "association", 1).await;
+
+    // The series is whole, and its sender ended well: what another one meant to add is not known.
+    stored(&service, 2, 0..4).release();
+    assert_eq!(complete(&service, 2).await["doubts"], json!([]));
+    cut_within(Scu::associate(service.dimse, &Request::new(&[(1, CT, &[EXPLICIT])])), 2, 4);
+    cut(&service, "association", 2).await;
+    let told = complete(&service, 2).await;
+    assert_eq!(
+        (&told["doubts"], &told["sender_end"], &told["instances"]),
+        (&json!([]), &json!("association_released"), &json!(4)),
+        "{told:#}"
+    );
+    for cut in [1, 2] {
+        let instance = format!("{}.5", series(cut));
+        let log = service.log();
+        let line =
+            log.lines().find(|line| line.contains("ended within an instance") && line.contains(&instance));
+        assert!(line.is_some_and(|line| line.contains("WARN")), "{instance}: {log}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn so_does_a_request_that_is_cut_in_its_first_instance() {
+    let service = settings().start();
+    let doors = [
+        ("/v1/series", "multipart/form-data", "Content-Disposition: form-data; name=\"f\"; filename=\"a\""),
+        (
+            "/dicom-web/studies",
+            "multipart/related; type=\"application/dicom\"",
+            "Content-Type: application/dicom",
+        ),
+    ];
+    stored(&service, 1, 0..4).release();
+    assert_eq!(complete(&service, 1).await["doubts"], json!([]));
+    for (number, (path, media_type, head)) in (1_u32..).zip(doors) {
+        let instance = format!("{}.9", series(1));
+        let part = file(&ct_slice(&series(1), &instance, 9, 40), &instance);
+        let mut body = format!("--b\r\n{head}\r\n\r\n").into_bytes();
+        body.extend(&part[..part.len() - 100]);
+        let request = format!(
+            "POST {path} HTTP/1.1\r\nHost: {}\r\nContent-Type: {media_type}; boundary=b\r\n\
+             Content-Length: {}\r\n\r\n",
+            service.http,
+            body.len() + 100_000
+        );
+        let mut stream = TcpStream::connect(service.http).unwrap();
+        stream.write_all(request.as_bytes()).unwrap();
+        stream.write_all(&body).unwrap();
+        tokio::time::sleep(Duration::from_millis(300)).await;
+        drop(stream);
+        cut(&service, "upload", number).await;
+    }
+    let told = complete(&service, 1).await;
+    assert_eq!((&told["doubts"], &told["instances"]), (&json!([]), &json!(4)), "{told:#}");
 }

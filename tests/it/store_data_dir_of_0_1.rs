@@ -12,7 +12,7 @@ use sha2::{Digest as _, Sha256};
 
 use crate::support::client::Client;
 use crate::support::data;
-use crate::support::service::{Service, Settings};
+use crate::support::service::{Service, Settings, run, triplanar};
 
 fn unpacked(shared: &Path) -> (tempfile::TempDir, Vec<Value>) {
     let dir = tempfile::tempdir().unwrap();
@@ -103,4 +103,46 @@ async fn asked_again(service: &Service) {
         assert_eq!(told["algorithm"], json!(algorithm));
     }
     assert_eq!(client.json("/v1/reconstructions").await["items"].as_array().unwrap().len(), 13);
+}
+
+/// `triplanar COMMAND --json` on a data directory, which must end well.
+fn told(command: &str, data: &Path) -> Value {
+    let mut program = triplanar();
+    program.args([command, "--json", "--data-dir"]).arg(data);
+    let output = run(program);
+    assert!(output.status.success(), "{command}: {output:?}");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+#[cfg_attr(not(test_data), ignore = "no test data at TRIPLANAR_TEST_DATA")]
+async fn it_is_checked_as_it_is_and_gives_the_same_after_its_catalog_was_lost() {
+    let (dir, answers) = unpacked(&data::dir());
+    let data = dir.path().join("data");
+    let catalog = std::fs::read(data.join("catalog.sqlite")).unwrap();
+    let checked = told("check", &data);
+    assert_eq!((&checked["problems"], &checked["results"]), (&json!([]), &json!(13)), "{checked:#}");
+    assert_eq!(std::fs::read(data.join("catalog.sqlite")).unwrap(), catalog, "it is only read");
+
+    std::fs::remove_file(data.join("catalog.sqlite")).unwrap();
+    let rebuilt = told("rebuild", &data);
+    assert_eq!((&rebuilt["series"], &rebuilt["set_aside"]), (&json!(4), &json!([])), "{rebuilt:#}");
+    assert_eq!(told("check", &data)["problems"], json!([]));
+    let service = Settings::new().with("intake.quiet", "0.2").start_on(dir);
+    let client = Client::new(service.http);
+    for answer in &answers {
+        let path = answer["path"].as_str().unwrap();
+        if path.starts_with("/v1/reconstructions/") && path.ends_with("/cloud") && answer["status"] == 200 {
+            let mut request = client.request(reqwest::Method::GET, path);
+            for (name, value) in answer["headers"].as_object().unwrap() {
+                request = request.header(name, value.as_str().unwrap());
+            }
+            let body = request.send().await.unwrap().bytes().await.unwrap();
+            assert_eq!(json!(sha256(&body)), answer["sha256"], "{path}");
+        }
+    }
+    series_give_their_own(&service).await;
+    for series in client.json("/v1/series").await["items"].as_array().unwrap() {
+        assert_eq!(series["doubts"], json!([]), "all that is stored was in a result: {series:#}");
+    }
 }

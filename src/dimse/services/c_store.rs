@@ -97,7 +97,12 @@ fn announced(request: &Request, sender: Sender) -> Result<Announced, Refusal> {
 async fn receive(request: &Request, association: &mut Association) -> Result<Result<Spool, Error>, Fault> {
     let mut spool = association.intake().begin().await;
     loop {
-        let (data, last) = association.data(request).await?;
+        let data = association.data(request).await;
+        if data.is_err() {
+            let instance = request.command.text(element::AFFECTED_SOP_INSTANCE_UID);
+            association.intake().cut(&association.sender(), instance);
+        }
+        let (data, last) = data?;
         match &mut spool {
             Ok(file) => {
                 if let Err(error) = file.write(&data).await {

@@ -99,6 +99,9 @@ pub(in crate::http) async fn metrics(State(context): State<Context>) -> impl Int
         context.metrics.set_free_disk_bytes(bytes);
     }
     context.metrics.set_store_counts(context.store.counts());
+    if let Ok(changing) = context.store.identities_changing().await {
+        context.metrics.set_identity_changing(changing);
+    }
     if let Ok(queued) = context.store.queued().await {
         context.metrics.set_queue_depth(queued);
     }

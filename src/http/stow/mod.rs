@@ -186,7 +186,10 @@ impl Storing {
         let mut head = BytesMut::new();
         while head.len() < HEAD {
             match source.chunk().await? {
-                Some(chunk) => head.extend_from_slice(&chunk),
+                Some(chunk) => {
+                    self.session.expect_instance();
+                    head.extend_from_slice(&chunk);
+                }
                 None => break,
             }
         }

@@ -37,6 +37,8 @@ pub(in crate::http) struct Session {
     running: FuturesUnordered<JoinHandle<Outcome>>,
     outcomes: Vec<Outcome>,
     begun: usize,
+    /// An instance has begun to arrive and is not whole.
+    within: bool,
     /// An instance could not be read to its end, or was refused for want of room.
     torn: bool,
     finished: bool,
@@ -70,6 +72,7 @@ impl Session {
             running: FuturesUnordered::new(),
             outcomes: Vec::new(),
             begun: 0,
+            within: false,
             torn: false,
             finished: false,
         }
@@ -83,7 +86,13 @@ impl Session {
         let index = self.begun;
         self.begun += 1;
         let spool = fatal(self.intake.begin().await)?;
+        self.within = true;
         Ok(Arriving { index, name, spool })
+    }
+
+    /// Bytes of an instance come that has yet to begin.
+    pub(in crate::http) fn expect_instance(&mut self) {
+        self.within = true;
     }
 
     /// The instance is whole: makes it durable in the background.
@@ -91,6 +100,7 @@ impl Session {
     /// # Errors
     /// Only what ends the whole request, of this or an earlier instance.
     pub(in crate::http) async fn end(&mut self, arriving: Arriving) -> Result<()> {
+        self.within = false;
         let Arriving { index, name, spool } = arriving;
         let spool = match spool {
             Ok(spool) => spool,
@@ -119,6 +129,7 @@ impl Session {
 
     /// The instance can't be read to its end.
     pub(in crate::http) fn abandon(&mut self, arriving: Arriving, error: Error) {
+        self.within = false;
         self.outcomes.push(Outcome { index: arriving.index, name: arriving.name, result: Err(error) });
     }
 
@@ -163,10 +174,13 @@ impl Session {
 impl Drop for Session {
     /// A request that broke off: what came of its series waits for the long quiet time, in doubt.
     fn drop(&mut self) {
-        if self.finished || self.begun == 0 {
+        if self.finished || (self.begun == 0 && !self.within) {
             return;
         }
         let (intake, id) = (self.intake.clone(), self.id);
+        if self.within {
+            intake.cut(&Sender::Upload { id }, None);
+        }
         let mut running = std::mem::take(&mut self.running);
         tokio::spawn(async move {
             while running.next().await.is_some() {}

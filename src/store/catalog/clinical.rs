@@ -6,11 +6,22 @@
 
 use sqlx::Row as _;
 
-use super::dialect::Connection;
+use super::dialect::{Connection, Transaction};
+use super::dump::{self, Columns};
 use super::{Catalog, now_ms, reconstructions, rows, series};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
 use crate::store::records::{Clinical, ClinicalChoice, ReconstructionId, ReconstructionRecord};
+
+/// A choice that is not committed yet.
+#[derive(Debug)]
+pub(crate) struct Chosen {
+    pub(crate) tx: Transaction,
+    /// Its row.
+    pub(crate) choice: Columns,
+    /// Prefixes of the results beside which it is written.
+    pub(crate) results: Vec<String>,
+}
 
 impl Catalog {
     /// The one that is served; see `Store::clinical`.
@@ -58,7 +69,7 @@ impl Catalog {
         uid: &SeriesInstanceUid,
         id: Option<ReconstructionId>,
         by: Option<&str>,
-    ) -> Result<()> {
+    ) -> Result<Chosen> {
         let mut tx = self.begin().await?;
         let Some(series) = series::one(&mut tx, uid).await? else {
             return Err(Error::NotFound { what: "series", id: uid.to_string() });
@@ -73,31 +84,32 @@ impl Catalog {
                 return Err(Error::ReconstructionState { state: record.state.name(), detail });
             }
         }
-        let revision = i64::from(series.revision);
-        sqlx::query("UPDATE reconstructions SET chosen_for = NULL WHERE series_uid = $1 AND chosen_for = $2")
-            .bind(uid.as_str())
-            .bind(revision)
-            .execute(&mut *tx)
-            .await?;
-        if let Some(id) = id {
-            sqlx::query("UPDATE reconstructions SET chosen_for = $2 WHERE id = $1")
-                .bind(id.to_string())
-                .bind(revision)
-                .execute(&mut *tx)
-                .await?;
-        }
-        sqlx::query(
+        let (revision, id) = (i64::from(series.revision), id.map(|id| id.to_string()));
+        // Also beside the one that was chosen before: it must not be taken for chosen when the catalog
+        // is made again without the other.
+        let results: Vec<String> = sqlx::query_scalar(
+            "SELECT result FROM reconstructions WHERE series_uid = $1 AND result IS NOT NULL \
+             AND (id = $2 OR chosen_for = $3 OR queued_for = $3)",
+        )
+        .bind(uid.as_str())
+        .bind(&id)
+        .bind(revision)
+        .fetch_all(&mut *tx)
+        .await?;
+        choose(&mut tx, uid.as_str(), revision, id.as_deref()).await?;
+        let row = sqlx::query(
             "INSERT INTO clinical_choices (series_uid, revision, reconstruction_id, chosen_by, chosen_ms) \
-             VALUES ($1, $2, $3, $4, $5)",
+             VALUES ($1, $2, $3, $4, $5) RETURNING *",
         )
         .bind(uid.as_str())
         .bind(revision)
-        .bind(id.map(|id| id.to_string()))
+        .bind(&id)
         .bind(by)
         .bind(now_ms())
-        .execute(&mut *tx)
+        .fetch_one(&mut *tx)
         .await?;
-        Ok(tx.commit().await?)
+        let choice = dump::columns(&row)?;
+        Ok(Chosen { tx, choice, results })
     }
 
     /// What operators chose, oldest first.
@@ -115,6 +127,27 @@ impl Catalog {
         queued_by_the_service(&mut tx, &record.series_instance_uid, record.id, record.revision).await?;
         Ok(tx.commit().await?)
     }
+}
+
+/// At that revision of the series it is the clinical one from now on; `None`: none is chosen.
+pub(super) async fn choose(
+    connection: &mut Connection,
+    uid: &str,
+    revision: i64,
+    id: Option<&str>,
+) -> Result<()> {
+    sqlx::query("UPDATE reconstructions SET chosen_for = NULL WHERE series_uid = $1 AND chosen_for = $2")
+        .bind(uid)
+        .bind(revision)
+        .execute(&mut *connection)
+        .await?;
+    sqlx::query("UPDATE reconstructions SET chosen_for = $2 WHERE id = $1 AND series_uid = $3")
+        .bind(id)
+        .bind(revision)
+        .bind(uid)
+        .execute(connection)
+        .await?;
+    Ok(())
 }
 
 /// The service queued `id` for that revision, or found it there. One that has the place keeps it

@@ -115,6 +115,15 @@ impl Catalog {
         Ok(found.into_iter().map(change).collect())
     }
 
+    /// How many series have an identity that is changing.
+    pub(crate) async fn identities_changing(&self) -> Result<u64> {
+        let series: i64 =
+            sqlx::query_scalar("SELECT COUNT(*) FROM series WHERE identity_changing IS NOT NULL")
+                .fetch_one(&self.readers)
+                .await?;
+        Ok(series.unsigned_abs())
+    }
+
     /// Replaced blobs that nobody reads: `at_start` all, else those of series without a reconstruction
     /// that runs.
     pub(crate) async fn replaced_blobs(&self, at_start: bool) -> Result<Vec<String>> {

@@ -12,12 +12,14 @@ use crate::error::{Error, Result};
 use crate::store::records::{CompleteReason, InstanceRecord, Refused};
 
 /// An instance whose bytes are durable and that has no row yet.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct NewInstance {
     pub(crate) header: InstanceHeader,
     pub(crate) blob: String,
     pub(crate) size: u64,
     pub(crate) data_set_sha256: [u8; 32],
+    /// That of the data set that was stored first, where this one has a corrected identity.
+    pub(crate) image_sha256: Option<[u8; 32]>,
 }
 
 /// What became of a [`NewInstance`].
@@ -185,9 +187,9 @@ pub(super) async fn insert(connection: &mut Connection, new: &NewInstance, now: 
         "INSERT INTO instances (sop_uid, series_uid, study_uid, sop_class_uid, transfer_syntax_uid, \
          frame_of_reference_uid, modality, image_type, description, patient_id, accession_number, frames, pixel_rows, \
          pixel_columns, has_pixel_data, blob, size, data_set_sha256, received_ms, photometric, samples_per_pixel, \
-         has_position, has_identity, issuer_of_patient_id, patient_name, patient_birth_date, patient_sex) \
+         has_position, has_identity, issuer_of_patient_id, patient_name, patient_birth_date, patient_sex, image_sha256) \
          VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, $20, $21, $22, \
-         TRUE, $23, $24, $25, $26)",
+         TRUE, $23, $24, $25, $26, $27)",
     )
     .bind(header.sop_instance_uid.as_str())
     .bind(header.series_instance_uid.as_str())
@@ -215,6 +217,7 @@ pub(super) async fn insert(connection: &mut Connection, new: &NewInstance, now: 
     .bind(header.identity.patient_name.as_deref())
     .bind(header.identity.patient_birth_date.as_deref())
     .bind(header.identity.patient_sex.as_deref())
+    .bind(new.image_sha256.as_ref().map(<[u8; 32]>::as_slice))
     .execute(connection)
     .await?;
     Ok(())

@@ -18,6 +18,7 @@ mod readiness;
 mod reconstructions;
 mod recovery;
 mod removed;
+mod restoring;
 mod retention;
 mod rows;
 mod schema;
@@ -30,13 +31,14 @@ use uuid::Uuid;
 
 use crate::error::Result;
 
+pub(crate) use clinical::Chosen;
 pub(crate) use completion::{Completion, End, Policy};
 pub(crate) use corrections::Settled;
 pub(crate) use dialect::{Transaction, files_of};
 pub(crate) use dump::{Columns, bytes};
 pub(crate) use instances::{Added, NewInstance, set_sha256};
 pub(crate) use leases::Ended;
-pub(crate) use reader::{CatalogReader, ResultRow};
+pub(crate) use reader::{CatalogReader, InstanceRow, ResultRow};
 pub(crate) use recovery::Found;
 pub(crate) use removed::Removed;
 pub(crate) use schema::SchemaError;

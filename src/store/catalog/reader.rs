@@ -6,12 +6,25 @@ use std::path::Path;
 use sqlx::Row as _;
 
 use super::{dialect, rows};
+use crate::dicom::uid::{SeriesInstanceUid, SopClassUid, SopInstanceUid, TransferSyntaxUid};
 use crate::error::Result;
-use crate::store::records::{InstanceRecord, ReconstructionState};
+use crate::store::records::ReconstructionState;
 
 /// See the module.
 #[derive(Debug)]
 pub(crate) struct CatalogReader(dialect::Pool);
+
+/// An instance, as far as every version's catalog tells it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct InstanceRow {
+    pub(crate) series: SeriesInstanceUid,
+    pub(crate) sop_instance: SopInstanceUid,
+    pub(crate) sop_class: SopClassUid,
+    pub(crate) transfer_syntax: TransferSyntaxUid,
+    pub(crate) blob: String,
+    pub(crate) size: u64,
+    pub(crate) data_set_sha256: [u8; 32],
+}
 
 /// A result that a row names.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -33,9 +46,27 @@ impl CatalogReader {
         Ok(lines.into_iter().filter(|line| line != "ok").collect())
     }
 
-    pub(crate) async fn instances(&self) -> Result<Vec<InstanceRecord>> {
+    /// The number of its last schema step, and that of this software.
+    pub(crate) async fn schema(&self) -> Result<(i64, i64)> {
+        let found: Option<i64> =
+            sqlx::query_scalar("SELECT MAX(version) FROM schema_version").fetch_one(&self.0).await?;
+        Ok((found.unwrap_or(0), super::schema::latest()))
+    }
+
+    pub(crate) async fn instances(&self) -> Result<Vec<InstanceRow>> {
         let found = sqlx::query("SELECT * FROM instances ORDER BY series_uid, sop_uid").fetch_all(&self.0);
-        Ok(found.await?.iter().map(rows::instance).collect::<Result<_, _>>()?)
+        let instance = |row: &dialect::Row| {
+            Ok(InstanceRow {
+                series: rows::parsed(row, "series_uid")?,
+                sop_instance: rows::parsed(row, "sop_uid")?,
+                sop_class: rows::parsed(row, "sop_class_uid")?,
+                transfer_syntax: rows::parsed(row, "transfer_syntax_uid")?,
+                blob: row.try_get("blob")?,
+                size: rows::number(row, "size")?,
+                data_set_sha256: rows::sha256(row, "data_set_sha256")?,
+            })
+        };
+        found.await?.iter().map(instance).collect()
     }
 
     pub(crate) async fn results(&self) -> Result<Vec<ResultRow>> {

@@ -5,7 +5,7 @@ use sqlx::Row as _;
 use super::dialect::Connection;
 use super::dump::{self, Columns};
 use super::instances::{NewInstance, find, insert, set_sha256, upsert_series};
-use super::{Catalog, rows, schema, series};
+use super::{Catalog, restoring, rows, schema, senders, series};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
 use crate::store::records::ReconstructionId;
@@ -25,7 +25,8 @@ pub(crate) enum Found {
 
 impl Catalog {
     /// Enters an instance whose blob has no row. Its series is receiving then, due when the service
-    /// next starts its timers. `is_there` tells whether a blob exists.
+    /// next starts its timers, and in doubt: nobody said that it is whole. `is_there` tells whether a
+    /// blob exists.
     pub(crate) async fn enter_found(
         &self,
         new: &NewInstance,
@@ -48,6 +49,7 @@ impl Catalog {
         }
         upsert_series(&mut tx, new, modified_ms).await?;
         insert(&mut tx, new, modified_ms).await?;
+        senders::set_incomplete(&mut tx, uid, true).await?;
         sqlx::query(
             "UPDATE series SET created_ms = (SELECT MIN(received_ms) FROM instances WHERE series_uid = $1), \
              updated_ms = (SELECT MAX(received_ms) FROM instances WHERE series_uid = $1) WHERE series_uid = $1",
@@ -92,27 +94,9 @@ impl Catalog {
             return Ok(Found::Refused("its record can't be entered"));
         }
         restore_revision(&mut tx, &uid, id, record).await?;
+        restoring::completeness(&mut tx, &uid, record).await?;
         tx.commit().await?;
         Ok(Found::Entered)
-    }
-
-    /// Of several succeeded reconstructions of a series with the same parameters, that of the
-    /// highest revision stands; the others are superseded by it.
-    pub(crate) async fn supersede_all(&self) -> Result<()> {
-        let mut tx = self.begin().await?;
-        sqlx::query(
-            "UPDATE reconstructions SET state = 'superseded', superseded_by = \
-             (SELECT r.id FROM reconstructions r WHERE r.series_uid = reconstructions.series_uid \
-              AND r.parameters_sha256 = reconstructions.parameters_sha256 AND r.state = 'succeeded' \
-              AND r.revision > reconstructions.revision ORDER BY r.revision DESC LIMIT 1) \
-             WHERE state = 'succeeded' AND EXISTS \
-             (SELECT 1 FROM reconstructions r WHERE r.series_uid = reconstructions.series_uid \
-              AND r.parameters_sha256 = reconstructions.parameters_sha256 AND r.state = 'succeeded' \
-              AND r.revision > reconstructions.revision)",
-        )
-        .execute(&mut *tx)
-        .await?;
-        Ok(tx.commit().await?)
     }
 
     /// Points the row of an instance to a new blob with the same data set.
@@ -234,8 +218,19 @@ pub(super) async fn record(connection: &mut Connection, id: ReconstructionId) ->
     )
     .bind(&uid)
     .bind(revision)
-    .fetch_all(connection)
+    .fetch_all(&mut *connection)
     .await?;
+    let choices = sqlx::query("SELECT * FROM clinical_choices WHERE series_uid = $1 ORDER BY chosen_ms")
+        .bind(&uid)
+        .fetch_all(&mut *connection)
+        .await?;
+    let expected_instances =
+        sqlx::query_scalar("SELECT expected_instances FROM expectations WHERE series_uid = $1")
+            .bind(&uid)
+            .fetch_optional(connection)
+            .await?;
     let (reconstruction, series): (Columns, Columns) = (dump::columns(&row)?, dump::columns(&series)?);
-    Ok(ResultRecord::new(schema::latest(), reconstruction, series, instances))
+    let choices = choices.iter().map(dump::columns).collect::<Result<_>>()?;
+    let record = ResultRecord::new(schema::latest(), reconstruction, series, instances);
+    Ok(record.with(expected_instances, choices))
 }

@@ -74,6 +74,9 @@ pub(super) async fn record(
         "revision": 0,
         "instances": 0,
         "bytes": 0,
+        // 0.1 knew of no doubts: there is none if the result was made from all that is stored.
+        "instances_sha256": (told.instances.len() as u64 == count).then(|| bytes(&set)),
+        "incomplete_transfer": false,
         "created_ms": told.created_ms.unwrap_or(written_ms),
         "updated_ms": written_ms,
     });

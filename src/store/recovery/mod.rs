@@ -23,16 +23,16 @@ use serde::Serialize;
 
 use super::blobs::{Aside, Blobs};
 use super::blocking;
-use super::catalog::{Catalog, Found, NewInstance};
+use super::catalog::{Catalog, Columns, Found, NewInstance};
 use super::reading::REPORT;
-use super::verify::fingerprint;
+use super::verify::{fingerprint, image_sha256};
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::scan::{self, Encoding, Limits};
 use crate::error::Result;
 
 pub use rebuild::Rebuilt;
 pub(super) use record::RECORD;
-pub(crate) use record::ResultRecord;
+pub(crate) use record::{ChoiceRecord, ResultRecord};
 
 /// A blob that could not get a row, and why.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -54,6 +54,8 @@ pub struct Recovered {
     pub results: u64,
     /// Results of which only the report told: what it does not tell is lost.
     pub from_reports: Vec<String>,
+    /// Records of operators' clinical choices that can't be read: look which cloud is the clinical one.
+    pub unread_choices: Vec<String>,
     /// The others.
     pub set_aside: Vec<SetAside>,
 }
@@ -89,6 +91,9 @@ impl Recovery<'_> {
         }
         let mut recovered = Recovered::default();
         self.instances(found_instances, &all, &mut recovered).await?;
+        if recovered.instances > 0 {
+            self.catalog.restore_identity_changes().await?;
+        }
         self.results(found_results, &mut recovered).await?;
         Ok(recovered)
     }
@@ -128,15 +133,25 @@ impl Recovery<'_> {
         prefixes: BTreeMap<String, Vec<String>>,
         recovered: &mut Recovered,
     ) -> Result<()> {
+        let mut choices = Vec::new();
         // Ids are UUIDv7: the latest comes first.
         for (prefix, keys) in prefixes.into_iter().rev() {
             let found = match self.blob(format!("{prefix}/{RECORD}")).await {
                 Some(json) => match ResultRecord::from_json(&json) {
-                    Some(record) => self.catalog.enter_result(&record, &prefix).await?,
+                    Some(record) => {
+                        let found = self.catalog.enter_result(&record, &prefix).await?;
+                        if found == Found::Entered {
+                            choices.extend(record.choices);
+                        }
+                        found
+                    }
                     None => Found::Refused("its record can't be read"),
                 },
                 None => self.found_by_report(&prefix, &keys, recovered).await?,
             };
+            if found == Found::Entered {
+                self.choices(&prefix, &keys, &mut choices, recovered).await;
+            }
             match found {
                 Found::Refused(reason) => {
                     for key in keys {
@@ -147,9 +162,30 @@ impl Recovery<'_> {
             }
         }
         if recovered.results > 0 {
-            self.catalog.supersede_all().await?;
+            self.catalog.settle_results(&recovered.from_reports).await?;
+            self.catalog.enter_choices(&choices).await?;
         }
         Ok(())
+    }
+
+    /// What operators chose, as it is written beside a result.
+    async fn choices(
+        &self,
+        prefix: &str,
+        keys: &[String],
+        choices: &mut Vec<Columns>,
+        recovered: &mut Recovered,
+    ) {
+        let is_choice = |key: &&String| {
+            key.strip_prefix(prefix).is_some_and(|name| ChoiceRecord::is_name(name.trim_start_matches('/')))
+        };
+        for key in keys.iter().filter(is_choice) {
+            let json = self.blob(key.clone()).await;
+            match json.as_deref().and_then(ChoiceRecord::from_json) {
+                Some(record) => choices.push(record.choice),
+                None => recovered.unread_choices.push(key.clone()),
+            }
+        }
     }
 
     /// A result of a version that wrote no records.
@@ -194,6 +230,12 @@ fn examine(blobs: &dyn Blobs, key: &str) -> std::io::Result<Option<(NewInstance,
     let Ok(scan) = scanned else { return Ok(None) };
     let header: InstanceHeader = scan.header;
     let Some(data_set_sha256) = fingerprint(&bytes) else { return Ok(None) };
-    let instance = NewInstance { header, blob: key.to_owned(), size: bytes.len() as u64, data_set_sha256 };
+    let instance = NewInstance {
+        header,
+        blob: key.to_owned(),
+        size: bytes.len() as u64,
+        data_set_sha256,
+        image_sha256: image_sha256(&bytes),
+    };
     Ok(Some((instance, blobs.modified_ms(key)?)))
 }

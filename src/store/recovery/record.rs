@@ -1,6 +1,7 @@
 //! The record beside each result: what its row needs to come back if the catalog is lost.
 
 use serde::{Deserialize, Serialize};
+use uuid::Uuid;
 
 use crate::error::{Error, Result};
 use crate::store::catalog::Columns;
@@ -24,11 +25,57 @@ pub(crate) struct ResultRecord {
     pub(crate) series: Columns,
     /// SOP Instance UIDs that it was made from.
     pub(crate) instances: Vec<String>,
+    /// The number of instances that was expected of the series.
+    #[serde(default)]
+    pub(crate) expected_instances: Option<i64>,
+    /// What operators had chosen to be the series' clinical one, oldest first.
+    #[serde(default)]
+    pub(crate) choices: Vec<Columns>,
+}
+
+/// An operator's choice, beside the results that it makes clinical or takes that from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ChoiceRecord {
+    /// 1.
+    format: u32,
+    /// The row of `clinical_choices`.
+    pub(crate) choice: Columns,
+}
+
+impl ChoiceRecord {
+    /// Whether the blob of a result is one.
+    pub(in crate::store) fn is_name(name: &str) -> bool {
+        name.starts_with("choice-") && name.ends_with(".json")
+    }
+
+    /// A name that no other has.
+    pub(in crate::store) fn new_name() -> String {
+        format!("choice-{}.json", Uuid::now_v7().simple())
+    }
+
+    pub(crate) fn new(choice: Columns) -> Self {
+        Self { format: FORMAT, choice }
+    }
+
+    pub(crate) fn to_json(&self) -> Result<Vec<u8>> {
+        serde_json::to_vec_pretty(self).map_err(Error::internal)
+    }
+
+    /// `None` if the bytes are no record that this version reads.
+    pub(crate) fn from_json(json: &[u8]) -> Option<Self> {
+        serde_json::from_slice(json).ok().filter(|record: &Self| record.format <= FORMAT)
+    }
 }
 
 impl ResultRecord {
+    /// With what else is known of the series.
+    pub(crate) fn with(self, expected_instances: Option<i64>, choices: Vec<Columns>) -> Self {
+        Self { expected_instances, choices, ..self }
+    }
+
     pub(crate) fn new(schema: i64, reconstruction: Columns, series: Columns, instances: Vec<String>) -> Self {
-        Self { format: FORMAT, schema, reconstruction, series, instances }
+        let (expected_instances, choices) = (None, Vec::new());
+        Self { format: FORMAT, schema, reconstruction, series, instances, expected_instances, choices }
     }
 
     pub(crate) fn to_json(&self) -> Result<Vec<u8>> {

@@ -8,9 +8,10 @@ passed = failed = 0
 
 
 def check(name, ok, seen=''):
+    """`seen` says more of a failure."""
     global passed, failed
     passed, failed = passed + bool(ok), failed + (not ok)
-    print(('ok      ' if ok else 'FAILED  ') + name + ('' if ok and not seen else f': {seen}'), flush=True)
+    print(f'ok      {name}' if ok else f'FAILED  {name}: {str(seen)[:600]}', flush=True)
 
 
 class Disk:
@@ -103,6 +104,7 @@ def uploads_fill():
         stop.append(1)
         [thread.join() for thread in threads]
         check('uploads stop at the watermark', low[0] > mark - (4 << 20), f'lowest {low[0]} of {mark}, {dict(uploads)}')
+        check('they are told', uploads[507] > 0, dict(uploads))
         check('the catalog is written all the while', set(codes) <= {200, 204}, dict(codes))
         check('the service takes series as before', wait_for(lambda: set(service.push(Series('after'))) == {0}, 10))
         service.stop()
@@ -140,75 +142,142 @@ def clock():
     service.stop()
 
 
-def load(service, tag, stop, acknowledged, uploaded):
-    """Senders and uploads, until `stop`."""
-    def send(lane):
-        for number in range(10_000):
-            if stop:
+class Load:
+    """Three senders and two uploads, until `end`. What broke off was sent in part, and not answered."""
+
+    def __init__(self, service, tag):
+        self.service, self.tag = service, tag
+        self.acknowledged, self.whole = {}, set()
+        self.cut, self.instances, self.uploads = [], 0, 0
+        self.refused = collections.Counter()
+        self.number, self.ended, self.threads = 0, True, []
+
+    def begin(self):
+        self.ended = False
+        again, self.cut = self.cut, []
+        lanes = [self.send] * 3 + [self.upload] * 2
+        self.threads = [threading.Thread(target=self.lane, args=(lane, again[number::len(lanes)]))
+                        for number, lane in enumerate(lanes)]
+        [thread.start() for thread in self.threads]
+
+    def end(self):
+        self.ended = True
+
+    def join(self):
+        [thread.join() for thread in self.threads]
+
+    def lane(self, send, again):
+        """First what was cut, as a sender tries it again."""
+        while not self.ended:
+            self.number += 1
+            send(again.pop() if again else Series(f'{self.tag} {self.number}'))
+            time.sleep(random.uniform(0, 0.5))
+        self.cut += again
+
+    def send(self, series):
+        answers = self.service.push(series, self.acknowledged, pause=lambda: time.sleep(random.uniform(0, 0.1)))
+        self.refused.update(answer for answer in answers if isinstance(answer, int) and answer)
+        if answers == [0] * len(series.files):
+            self.whole.add(series.uid)
+        else:
+            self.cut.append(series)
+            self.instances += answers[-1] == 'unanswered'
+
+    def upload(self, series):
+        def body():
+            content = series.zip()
+            for place in range(0, len(content), 16384):
+                begun.append(place)
+                yield content[place:place + 16384]
+                time.sleep(random.uniform(0, 0.1))
+        begun = []
+        try:
+            status = self.service.upload(series, body())
+            if status == 202:
+                self.whole.add(series.uid)
+                self.acknowledged.update((uid, hashlib.sha256(data_set(file)).hexdigest()) for uid, file in series.files)
                 return
-            service.push(Series(f'{tag} {lane} {number}'), acknowledged)
-    def upload(lane):
-        for number in range(10_000):
-            if stop:
-                return
-            series = Series(f'{tag} u{lane} {number}')
-            try:
-                if service.upload(series) == 202:
-                    uploaded.append(series.uid)
-                    acknowledged.update((uid, hashlib.sha256(data_set(file)).hexdigest()) for uid, file in series.files)
-            except Exception:  # The service was killed.
-                time.sleep(0.02)
-    threads = [threading.Thread(target=send, args=(lane,)) for lane in range(3)]
-    threads += [threading.Thread(target=upload, args=(lane,)) for lane in range(2)]
-    [thread.start() for thread in threads]
-    return threads
+            self.refused[status] += 1
+        except Exception:  # The service was killed, or answered before the body was whole.
+            self.uploads += bool(begun)
+        self.cut.append(series)
 
 
-def one_each(service, name):
-    rows = settled(service, 600) or []
-    whole = collections.Counter(row['series_instance_uid'] for row in rows if row['instances'] == 12)
+def one_each(service, load, name):
+    rows = settled(service, 1800) or []
     check(f'{name}: every job ended, {len(rows)} of them', rows)
-    check(f'{name}: one reconstruction each of {len(whole)} whole series', whole and set(whole.values()) == {1},
-          [uid for uid, count in whole.items() if count > 1][:3])
+    count = collections.Counter(row['series_instance_uid'] for row in rows if row['instances'] == 12)
+    check(f'{name}: {len(load.whole)} series are whole, one reconstruction each of the twelve instances',
+          load.whole and all(count[uid] == 1 for uid in load.whole), {uid: count[uid] for uid in load.whole if count[uid] != 1})
+    ends = collections.Counter(row['state'] for row in rows if row['series_instance_uid'] in load.whole and row['instances'] == 12)
+    check(f'{name}: all of them succeeded', set(ends) == {'succeeded'}, dict(ends))
+    attempts = max((row['attempts'] for row in rows), default=0)
+    print(f'        {load.instances} instances unanswered, {load.uploads} uploads open as it happened; '
+          f'refused: {dict(load.refused)}; most attempts of a job: {attempts}')
 
 
 def kill():
     random.seed(1)
-    service, acknowledged, uploaded = Service(triplanar, folder + '/kill', INTAKE__QUIET=5).start(), {}, []
-    gone = []
-    for number in range(kills):
-        stop = []
-        threads = load(service, f'kill {number}', stop, acknowledged, uploaded)
-        time.sleep(random.uniform(0.05, 1.2))
-        stop.append(1)
+    service = Service(triplanar, folder + '/kill', INTAKE__QUIET=5, JOBS__MAX_ATTEMPTS=100, JOBS__RETRY_BACKOFF=0.1).start()
+    load, gone, jobs, rounds = Load(service, 'kill'), [], 0, collections.Counter()
+    for _ in range(kills):
+        before = load.instances, load.uploads
+        load.begin()
+        time.sleep(random.uniform(0.1, 1.2))
         service.kill()
-        [thread.join() for thread in threads]
+        load.end()
+        load.join()
+        running = service.running()
+        jobs += running
+        rounds.update(kind for kind, hit in (('instances', load.instances > before[0]), ('uploads', load.uploads > before[1]),
+                                             ('jobs', running)) if hit)
         service.start()
-        gone += lost(service, acknowledged)
-    check(f'kill -9, {kills} rounds: {len(acknowledged)} acknowledged instances, none lost', not gone, gone[:3])
-    one_each(service, 'kill -9')
+        gone += lost(service, load.acknowledged)
+    print(f'        kills that hit an instance in flight: {rounds["instances"]}, an open upload: {rounds["uploads"]}, '
+          f'a running job: {rounds["jobs"]} ({jobs} jobs), of {kills}')
+    check('kill -9 hit instances, uploads and jobs in flight', min(load.instances, load.uploads, jobs) > 0)
+    check(f'kill -9, {kills} rounds: {len(load.acknowledged)} acknowledged instances, none lost', not gone, gone[:3])
+    for series in load.cut:
+        service.push(series, load.acknowledged)
+        load.whole.add(series.uid)
+    check('what was cut is taken when it is sent again', not lost(service, load.acknowledged))
+    one_each(service, load, 'kill -9')
     service.stop()
     answer = subprocess.run([triplanar, 'check', '--data-dir', service.data], capture_output=True, text=True)
     check('triplanar check finds nothing damaged', answer.returncode == 0, answer.stdout[-300:] + answer.stderr[-300:])
 
 
 def fill():
-    with Disk(200) as disk:
-        service, acknowledged, uploaded, stop = Service(triplanar, disk.path + '/data', INTAKE__QUIET=5).start(), {}, [], []
-        threads = load(service, 'fill', stop, acknowledged, uploaded)
+    random.seed(2)
+    with Disk(800) as disk:
+        service = Service(triplanar, disk.path + '/data', INTAKE__QUIET=5).start()
+        load, rounds, jobs = Load(service, 'fill'), 0, 0
+        load.begin()
         for _ in range(fills):
             time.sleep(0.5)
+            jobs += service.running()
+            before = sum(load.refused.values()) + load.uploads
             disk.fill()
             time.sleep(1)
+            rounds += sum(load.refused.values()) + load.uploads > before
             disk.empty()
         time.sleep(1)
-        stop.append(1)
-        [thread.join() for thread in threads]
-        check(f'the disk filled and freed {fills} times: {len(acknowledged)} acknowledged instances, none lost',
-              not lost(service, acknowledged), lost(service, acknowledged)[:3])
-        check('it takes a series afterwards, without a restart', set(service.push(Series('last'))) == {0} and service.starts == 1)
-        one_each(service, 'full disk')
+        load.end()
+        load.join()
+        print(f'        fills that refused something in flight: {rounds} of {fills}; jobs that ran then: {jobs}')
+        check('a full disk refused what was in flight', rounds > 0, dict(load.refused))
+        gone = lost(service, load.acknowledged)
+        check(f'the disk filled and freed {fills} times: {len(load.acknowledged)} acknowledged instances, none lost',
+              not gone, gone[:3])
+        check('it takes a series afterwards, without a restart', set(service.push(Series('last'))) == {0})
+        for series in load.cut:
+            service.push(series, load.acknowledged)
+            load.whole.add(series.uid)
+        one_each(service, load, 'full disk')
+        check('the one process all the while', service.starts == 1 and service.process.poll() is None)
         service.stop()
+        answer = subprocess.run([triplanar, 'check', '--data-dir', service.data], capture_output=True, text=True)
+        check('triplanar check finds nothing damaged', answer.returncode == 0, answer.stdout[-300:] + answer.stderr[-300:])
 
 
 Series.make(triplanar, folder + '/template')
@@ -219,5 +288,5 @@ if not root:
     print('skipped: full disks: only root may mount a small file system')
 clock()
 kill()
-print(f'{passed} passed, {failed} failed')
+print(f'{passed} passed, {failed} failed', flush=True)
 sys.exit(bool(failed))

@@ -67,8 +67,9 @@ class Service:
         return self.request('PUT', f'/v1/series/1.2.{number}/expected-instances', '{"instances":3}',
                             'application/json')[0]
 
-    def upload(self, series):
-        return self.request('POST', '/v1/series', series.zip(), 'application/zip')[0]
+    def upload(self, series, body=None):
+        """`body` gives the zip in parts."""
+        return self.request('POST', '/v1/series', body or series.zip(), 'application/zip')[0]
 
     def reconstructions(self):
         rows, path = [], '/v1/reconstructions?limit=200'
@@ -78,19 +79,34 @@ class Service:
             path = page.get('next_cursor') and f'/v1/reconstructions?limit=200&cursor={page["next_cursor"]}'
         return rows
 
-    def push(self, series, acknowledged=None):
-        """Statuses of all instances, or what broke the association."""
-        statuses = []
+    def push(self, series, acknowledged=None, pause=None):
+        """Statuses of all instances; last of them "unanswered" if the association broke within one,
+        or what broke it. `pause` is called before the last part of each."""
+        statuses, sent = [], False
         try:
             sender = Sender(self.dimse)
             for uid, file in series.files:
-                statuses.append(sender.store(uid, data_set(file)))
+                sent = True
+                statuses.append(sender.store(uid, data_set(file), pause))
+                sent = False
                 if statuses[-1] == 0 and acknowledged is not None:
                     acknowledged[uid] = hashlib.sha256(data_set(file)).hexdigest()
-            sender.release()
         except (OSError, EOFError, ConnectionError) as error:
-            statuses.append(repr(error))
+            statuses.append('unanswered' if sent else repr(error))
+            return statuses
+        try:
+            sender.release()
+        except (OSError, EOFError):
+            pass
         return statuses
+
+    def running(self):
+        """How many jobs the catalog says are at work."""
+        catalog = sqlite3.connect(f'file:{self.data}/catalog.sqlite?mode=ro', uri=True)
+        try:
+            return catalog.execute("select count(*) from reconstructions where state = 'running'").fetchone()[0]
+        finally:
+            catalog.close()
 
     def stored(self):
         catalog = sqlite3.connect(f'file:{self.data}/catalog.sqlite?mode=ro', uri=True)
@@ -178,7 +194,7 @@ class Sender:
         head = exactly(6)
         return head[0], exactly(struct.unpack('>I', head[2:])[0])
 
-    def store(self, uid, content):
+    def store(self, uid, content, pause=None):
         self.message += 1
         even = lambda text: text.encode() + b'\0' * (len(text) % 2)
         element = lambda number, value: struct.pack('<HHI', 0, number, len(value)) + value
@@ -188,6 +204,10 @@ class Sender:
         command = element(0, struct.pack('<I', len(command))) + command
         pdv = lambda flags, data: struct.pack('>IBB', len(data) + 2, 1, flags) + data
         self.send(4, pdv(3, command))
+        if pause:
+            self.send(4, pdv(0, content[:2048]))
+            content = content[2048:]
+            pause()
         self.send(4, pdv(2, content))
         kind, body = self.receive()
         if kind != 4:
