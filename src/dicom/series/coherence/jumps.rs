@@ -12,10 +12,10 @@ const SLOPE: f64 = 3.0;
 /// Rows that it may move at least.
 const LEAST_ROWS: usize = 4;
 /// Share of the columns, beyond twice what is usual, that may change at once in one slice alone: at most
-/// 0.06 in scans of heads and skulls, 0.17 of a head with pads in 128 columns.
-const SHARE: f64 = 0.2;
-/// Columns that may at least.
-const LEAST: f64 = 4.0;
+/// 0.06 in scans of heads and skulls.
+const SHARE: f64 = 0.1;
+/// Columns that may at least: pads beside a head in 128 columns reach 14 beyond the share.
+const LEAST: f64 = 20.0;
 /// The limit around two or three slices, as a multiple: what is in view in three slices only counts there.
 const AROUND_MORE: f64 = 1.5;
 /// A boundary over this share of the columns, or noise in as many rows, is no patient.

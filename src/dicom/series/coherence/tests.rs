@@ -143,6 +143,8 @@ fn slices_of_another_place_are_found() {
     let found = harmed(|voxels| exchange(voxels, 8, 20));
     let severe: Vec<Finding> = found.iter().filter(|finding| finding.severe).cloned().collect();
     assert_eq!(slices(&severe), [8, 20], "{found:?}");
+    let found = harmed(|voxels| exchange(voxels, 8, 10));
+    assert!(slices(&found).contains(&8) && slices(&found).contains(&10), "{found:?}");
     let found = harmed(|voxels| exchange(voxels, 8, 9));
     assert!(slices(&found).starts_with(&[8, 9]), "{found:?}");
     let found = harmed(|voxels| voxels.copy_within(rows(8, 0..SIDE), 30 * SIDE * SIDE));
