@@ -6,7 +6,6 @@ use tracing::Subscriber;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::fmt::MakeWriter;
 use tracing_subscriber::fmt::format::{DefaultFields, JsonFields, format};
-use tracing_subscriber::util::SubscriberInitExt;
 
 use super::escape::Escaped;
 use crate::config::{Log, LogFormat};
@@ -19,7 +18,7 @@ pub enum LoggingError {
     Filter(#[from] tracing_subscriber::filter::ParseError),
     /// There is a log already in this process.
     #[error("the log was set up before: {0}")]
-    Twice(#[from] tracing_subscriber::util::TryInitError),
+    Twice(#[from] tracing::subscriber::SetGlobalDefaultError),
 }
 
 /// Sends the process's log to standard error as the settings say, panics included.
@@ -27,7 +26,8 @@ pub enum LoggingError {
 /// # Errors
 /// A filter that can't be read, a log that is set up already.
 pub fn init_logging(log: &Log) -> Result<(), LoggingError> {
-    lines(log, std::io::stderr, std::io::stderr().is_terminal())?.try_init()?;
+    // Not with records of the crate `log`: what decoders tell there is heard where they are called.
+    tracing::subscriber::set_global_default(lines(log, std::io::stderr, std::io::stderr().is_terminal())?)?;
     std::panic::set_hook(Box::new(|panic| {
         let message = panic.payload_as_str().unwrap_or("no message");
         let place = panic.location().map(ToString::to_string);

@@ -2,10 +2,11 @@
 # Damaged series of every codec: whatever gets through without an error and without a doubt must give
 # the cloud of the unharmed series, within 1 mm.
 #   damage.sh TRIPLANAR [SHARED] [ROUNDS]
-# For each codec ROUNDS series (40; about an hour on two cores with all codecs) with one to three slices
-# truncated, zeroed from a row on, with a lost or swapped fragment, or with flipped bytes. Half of them
-# are of a phantom, half of a human head, where the shared data are. Seeded: a failure names what to
-# repeat. `damage.sh --unharmed TRIPLANAR DIR…` holds that no folder of DIR… raises that doubt.
+# For each codec ROUNDS series (40; about an hour on two cores with all codecs; 5 in the interop run) with one to three slices
+# truncated, zeroed from a row on, with a lost or swapped fragment, or with flipped bytes: phantoms and
+# human heads (where the shared data are), small ones and ones with 512 columns. Seeded: a failure names
+# what to repeat; DAMAGE_KEEP=DIR keeps the damaged files that passed quietly, DAMAGE_VERBOSE=1 tells every
+# round. HTJ2K needs ojph_compress (openjph-tools), JPEG-LS dcmcjpls (dcmtk) and a build with `jpegls`. `damage.sh --unharmed TRIPLANAR DIR…` holds that no folder of DIR… raises that doubt.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 dir=$(mktemp -d)

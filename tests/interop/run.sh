@@ -27,7 +27,7 @@ run() { # name, command…: its last line says "N passed, N failed"
 }
 
 missing=()
-for package in dcmtk orthanc pcl-tools cloudcompare python3-venv curl; do
+for package in dcmtk openjph-tools orthanc pcl-tools cloudcompare python3-venv curl; do
   dpkg -s "$package" >/dev/null 2>&1 || missing+=("$package")
 done
 command -v npm >/dev/null || missing+=(nodejs npm)
@@ -38,6 +38,7 @@ fi
 
 run "DICOM peers" "$here/peers.sh" "$triplanar" "$shared"
 run "JPEG Lossless against its encoder, pylibjpeg and GDCM" "$here/jpeg_lossless.sh" "$triplanar"
+run "damaged series of every codec" "$here/damage.sh" "$triplanar" "$shared" 5
 run "the API against its description" "$here/api.sh" "$triplanar"
 run "the API's description by Redocly and Spectral, and a client made from it" "$here/openapi.sh" "$triplanar"
 run "point-cloud tools" "$here/clouds.sh" "$triplanar"

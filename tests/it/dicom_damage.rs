@@ -124,6 +124,34 @@ fn exchanged_slices_are_refused_and_both_named() {
     }
 }
 
+#[test]
+fn like_slices_in_each_others_places_are_a_doubt_that_names_them() {
+    let unharmed = &head().files;
+    let copied = |to: usize, from: usize, files: &mut Vec<Vec<u8>>| {
+        let of_from = pixels(&mut unharmed.clone(), from).to_vec();
+        pixels(files, to).copy_from_slice(&of_from);
+    };
+    // One is there twice; two are exchanged; three are in reverse.
+    for (places, named) in [
+        (vec![(40, 41)], [40, 41]),
+        (vec![(30, 31), (31, 30)], [30, 31]),
+        (vec![(20, 22), (22, 20)], [20, 22]),
+    ] {
+        let mut files = unharmed.clone();
+        places.iter().for_each(|&(to, from)| copied(to, from, &mut files));
+        let dir = tempfile::tempdir().expect("a folder");
+        let (_, text, report) = reconstruct(dir.path(), &files, "paper");
+        assert!(text.contains("inconsistent_levels"), "{places:?}: {text}");
+        if report.is_object() {
+            let rows = doubtful_rows(&report);
+            for slice in named {
+                let uid = Value::from(sop_instance_uid(&files[slice]));
+                assert!(rows.iter().any(|row| row["sop_instance_uid"] == uid), "{places:?}: {rows:#?}");
+            }
+        }
+    }
+}
+
 /// The head with a few rows of one slice lost: [`ROWS`] of [`SLICE`].
 fn few_rows_lost() -> Vec<Vec<u8>> {
     let mut files = head().files.clone();

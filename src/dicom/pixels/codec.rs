@@ -9,7 +9,7 @@ use dicom_encoding::{Codec, TransferSyntaxIndex};
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
 use super::reading::{Reading, Stream};
-use super::{Format, PixelError, codestream, jpeg_lossless};
+use super::{Format, PixelError, block_ends, codestream, jpeg_lossless};
 
 /// The compression that is byte for byte what is not compressed.
 pub(super) const RLE: &str = uids::RLE_LOSSLESS;
@@ -22,15 +22,20 @@ pub(super) fn is_encapsulated(uid: &str) -> bool {
             .is_some_and(|syntax| matches!(syntax.codec(), Codec::EncapsulatedPixelData(..)))
 }
 
-/// The stored values of one frame.
-pub(super) fn decode(syntax: &'static str, frame: &[u8], format: &Format) -> Result<Vec<i32>, PixelError> {
+/// The stored values of one frame, and by how many bytes a block of it ended off its end.
+pub(super) fn decode(
+    syntax: &'static str,
+    frame: &[u8],
+    format: &Format,
+) -> Result<(Vec<i32>, u32), PixelError> {
     if matches!(syntax, uids::JPEG_LOSSLESS | uids::JPEG_LOSSLESS_SV1) {
         // The stream says which predictor it has: a selection value other than 1 does no harm where
         // the transfer syntax promises 1, and other software reads it too.
         let decoded = jpeg_lossless::decode(frame, format.rows, format.columns)
             .map_err(|fault| PixelError::Decode(format!("the JPEG Lossless frame {fault}")))?;
         let stream = Stream { precision: decoded.precision.into(), signed: false, is_jpeg_lossless: true };
-        return Reading::new(stream, format).values(decoded.samples.into_iter().map(i32::from));
+        let values = Reading::new(stream, format).values(decoded.samples.into_iter().map(i32::from))?;
+        return Ok((values, 0));
     }
     let head = codestream::read(frame)
         .ok_or_else(|| PixelError::Decode("the compressed frame has no header that can be read".into()))?;
@@ -54,20 +59,23 @@ pub(super) fn decode(syntax: &'static str, frame: &[u8], format: &Format) -> Res
     // The decoders write one byte for a sample of up to 8 bits, two for one of up to 16, whatever
     // BitsAllocated says.
     let bytes_per_sample = if head.precision <= 8 { 1 } else { 2 };
-    let object = OneFrame { syntax, frame, format, bits: bytes_per_sample * 8 };
-    let bytes = run(&object)?;
+    let promised = if head.is_jpeg_2000 { block_ends::promised(frame) } else { Cow::Borrowed(frame) };
+    let object = OneFrame { syntax, frame: &promised, format, bits: bytes_per_sample * 8 };
+    let (bytes, off_its_end) = block_ends::heard(|| run(&object));
+    let bytes = bytes?;
     if bytes.len() != format.pixels() * usize::from(bytes_per_sample) {
         return Err(PixelError::Decode("the compressed frame decodes to another size than it says".into()));
     }
     let stream = Stream { precision: head.precision, signed: head.signed, is_jpeg_lossless: false };
     let reading = Reading::new(stream, format);
     let pairs = bytes.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
-    match (bytes_per_sample, head.signed) {
+    let values = match (bytes_per_sample, head.signed) {
         (1, true) => reading.values(bytes.iter().map(|byte| byte.cast_signed().into())),
         (1, false) => reading.values(bytes.iter().map(|byte| i32::from(*byte))),
         (_, true) => reading.values(pairs.map(|pair| pair.cast_signed().into())),
         (_, false) => reading.values(pairs.map(i32::from)),
-    }
+    }?;
+    Ok((values, off_its_end))
 }
 
 /// Runs the decoder. Some of them panic on corrupt data.

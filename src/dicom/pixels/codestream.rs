@@ -10,6 +10,7 @@ pub(super) struct Codestream {
     pub(super) precision: u16,
     /// Whether it says that its samples have a sign. JPEG-LS can't say so.
     pub(super) signed: bool,
+    pub(super) is_jpeg_2000: bool,
 }
 
 /// Reads the head, `None` if there is none that makes sense.
@@ -32,6 +33,7 @@ fn jpeg2000(siz: &[u8]) -> Option<Codestream> {
         components: u16::from_be_bytes(siz.get(36..38)?.try_into().ok()?),
         precision: u16::from(depth & 0x7F) + 1,
         signed: depth & 0x80 != 0,
+        is_jpeg_2000: true,
     })
 }
 
@@ -50,6 +52,7 @@ fn jpeg_ls(mut bytes: &[u8]) -> Option<Codestream> {
                     components: (*rest.get(7)?).into(),
                     precision: (*rest.get(2)?).into(),
                     signed: false,
+                    is_jpeg_2000: false,
                 });
             }
             _ => {

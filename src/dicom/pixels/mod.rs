@@ -5,6 +5,7 @@
 //! must be the size that the data set claims, and a decoder that panics is an error like any other.
 //! What comes out must have that size too, and no value beyond BitsStored (0028,0101).
 
+mod block_ends;
 mod codec;
 mod codestream;
 mod fragments;
@@ -208,8 +209,8 @@ impl<'a> Frames<'a> {
                         Err(self.beyond_bits_stored(&stored))
                     };
                 }
-                let values = codec::decode(self.syntax, frame, &self.format)?;
-                Ok(Stored { values, masked: 0 })
+                let (values, off_its_end) = codec::decode(self.syntax, frame, &self.format)?;
+                Ok(Stored { values, masked: 0, off_its_end })
             }
         }
     }

@@ -40,6 +40,9 @@ pub(crate) struct Stored {
     pub(crate) values: Vec<i32>,
     /// Values whose word had other bits set, which were masked.
     pub(crate) masked: u64,
+    /// By how many bytes a block of the compressed frame ended before or after its data: 0 to 2 if
+    /// nothing is wrong with them.
+    pub(crate) off_its_end: u32,
 }
 
 /// The words that had other bits set.
@@ -80,7 +83,7 @@ impl Words {
         let mut strays = Strays::default();
         let values: Vec<i32> = words.map(|word| self.value(word, &mut strays)).collect();
         self.judge(&strays, values.len() as u64)?;
-        Ok(Stored { values, masked: strays.count })
+        Ok(Stored { values, masked: strays.count, off_its_end: 0 })
     }
 
     fn value(&self, word: u16, strays: &mut Strays) -> i32 {

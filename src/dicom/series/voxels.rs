@@ -27,6 +27,16 @@ const TISSUE_HU: f64 = -500.0;
 /// While a frame is decoded, for each of its pixels: 4 of the codec's, 2 of its output, 4 of the values.
 const BYTES_A_PIXEL: u64 = 10;
 
+/// A slice and the part of the array that is its own.
+struct Place<'a> {
+    /// Index of the slice.
+    z: usize,
+    slice: &'a Slice,
+    hu: &'a mut [i16],
+    /// By how many bytes a block of its compressed frame ended off its end.
+    off_its_end: u32,
+}
+
 /// What is counted on the way.
 #[derive(Default)]
 struct Counts {
@@ -58,11 +68,12 @@ pub(super) fn read(
     let counts = Counts::default();
 
     // The frames of one instance share one reading of its bytes.
-    let mut places: Vec<(&Slice, &mut [i16])> =
-        slices.iter().zip(voxels.chunks_exact_mut((rows * columns).max(1))).collect();
-    places.sort_by_key(|(slice, _)| slice.source);
-    let mut by_instance: Vec<_> = places.chunk_by_mut(|a, b| a.0.source == b.0.source).collect();
-    let decode = |places: &mut &mut [(&Slice, &mut [i16])]| {
+    let parts = voxels.chunks_exact_mut((rows * columns).max(1));
+    let place = |(z, (slice, hu))| Place { z, slice, hu, off_its_end: 0 };
+    let mut places: Vec<Place<'_>> = slices.iter().zip(parts).enumerate().map(place).collect();
+    places.sort_by_key(|place| place.slice.source);
+    let mut by_instance: Vec<_> = places.chunk_by_mut(|a, b| a.slice.source == b.slice.source).collect();
+    let decode = |places: &mut &mut [Place<'_>]| {
         instance(source, places, &layout, limits, &counts, slices.len(), observer)
     };
     let results: Vec<Result<(), SeriesError>> = by_instance.par_iter_mut().map(decode).collect();
@@ -71,6 +82,8 @@ pub(super) fn read(
     for (places, result) in by_instance.iter_mut().zip(results) {
         result.or_else(|error| super::alone(error, || decode(places)))?;
     }
+
+    let off_their_ends: Vec<(usize, u32)> = places.iter().map(|place| (place.z, place.off_its_end)).collect();
 
     let tissue = counts.tissue.into_inner();
     let mut padding = "pixels are marked as padding and were set to air".to_owned();
@@ -93,28 +106,30 @@ pub(super) fn read(
             warnings.push(Warning::new(code, format!("{count} {what}")));
         }
     }
+    let findings = coherence::findings(&layout.stack(&voxels, slices), &off_their_ends, observer);
+    // What is found in a part of the slices counts for nothing.
     if observer.cancelled() {
         return Err(super::cancelled());
     }
-    let findings = coherence::findings(&layout.stack(&voxels, slices));
     Ok((layout.volume(voxels, slices.len()), findings))
 }
 
 /// Decodes the frames of one instance.
 fn instance(
     source: &dyn InstanceSource,
-    places: &mut [(&Slice, &mut [i16])],
+    places: &mut [Place<'_>],
     layout: &Layout,
     limits: &ReadLimits,
     counts: &Counts,
     total: usize,
     observer: &dyn Observer,
 ) -> Result<(), SeriesError> {
-    let Some((first, _)) = places.first() else { return Ok(()) };
+    let Some(Place { slice: first, .. }) = places.first() else { return Ok(()) };
+    let first: &Slice = first;
     let name = || vec![first.sop_instance_uid.clone()];
     let source_index = first.source;
     // The file, and on each thread that decodes a frame of it what the codec gives and the values.
-    let pixels = places.iter().map(|(_, place)| place.len() as u64).max().unwrap_or_default();
+    let pixels = places.iter().map(|place| place.hu.len() as u64).max().unwrap_or_default();
     let frames_at_a_time = places.len().min(rayon::current_num_threads()) as u64;
     let need = source.size(source_index).unwrap_or_default() + pixels * frames_at_a_time * BYTES_A_PIXEL;
     let mut memory = limits.memory.take(need).map_err(|none| super::no_memory(none, name()))?;
@@ -126,17 +141,18 @@ fn instance(
     let padding = Padding::of(&data_set, frames.format.signed);
     let results: Vec<Result<(), SeriesError>> = places
         .par_iter_mut()
-        .map(|(slice, place)| {
+        .map(|Place { slice, hu, off_its_end, .. }| {
             if observer.cancelled() {
                 return Err(super::cancelled());
             }
             let stored = frames.stored(slice.frame_index).map_err(|error| undecodable(&error, name()))?;
             counts.masked.fetch_add(stored.masked, Ordering::Relaxed);
-            if stored.values.len() != place.len() {
+            if stored.values.len() != hu.len() {
                 let error = PixelError::Decode("the instance changed while it was read".into());
                 return Err(undecodable(&error, name()));
             }
-            layout.fill(place, &stored.values, &ToHu { rescale: rescale_of(slice), padding }, counts);
+            *off_its_end = stored.off_its_end;
+            layout.fill(hu, &stored.values, &ToHu { rescale: rescale_of(slice), padding }, counts);
             let done = counts.done.fetch_add(1, Ordering::Relaxed) + 1;
             #[expect(clippy::cast_precision_loss)]
             observer.progress(Stage::Reading, done as f64 / total as f64);
@@ -248,6 +264,7 @@ impl Layout {
             columns: self.columns,
             by_rows: self.rows_are_slower,
             rows_flipped: self.orientation.rows.flipped,
+            step_mm,
             step_px: [px(|geometry| geometry.row_spacing), px(|geometry| geometry.column_spacing)],
         }
     }

@@ -59,8 +59,6 @@ pub enum RowsDoubt {
     Jump,
     /// Values that are nowhere near in the neighbours: pixels.
     Patch,
-    /// Values a little beyond those that are near in the neighbours, in many places: pixels.
-    Texture,
     /// Air lies at another level: HU.
     Air,
     /// Soft tissue lies at another level: HU.
@@ -69,6 +67,8 @@ pub enum RowsDoubt {
     Constant,
     /// The same pixels as another slice: pixels.
     Repeated,
+    /// A block of the compressed frame ends before or after its data: bytes. Told of the whole frame.
+    Stream,
 }
 
 /// An instance of the series that is no slice of it.

@@ -23,9 +23,13 @@ def read(folder: Path):
     return files, np.trunc(hu).astype(np.int32)
 
 
-def phantom(triplanar: Path, work: Path, seed: int) -> Base:
+SMALL = '--matrix 160 --pixel 1.5 --slices 75 --step 2.5 --pitch 6 --noise 10'
+FULL = '--matrix 512 --pixel 0.5 --slices 40 --step 5 --pitch -4 --noise 8'
+
+
+def phantom(triplanar: Path, work: Path, seed: int, matrix: str) -> Base:
     folder = work / f'phantom_{seed}'
-    options = f'--seed {seed} --matrix 160 --pixel 1.5 --slices 75 --step 2.5 --pitch 6 --noise 10'
+    options = f'--seed {seed} {matrix}'
     subprocess.run([triplanar, 'phantom', folder, *options.split()], check=True, stdout=subprocess.DEVNULL)
     return Base(f'phantom {seed}', *read(folder))
 
@@ -58,11 +62,14 @@ def human(shared: Path, work: Path, name: str, every: int, pixels: int) -> Base:
 
 
 def all_of(triplanar: Path, work: Path, shared: Path):
-    bases = [phantom(triplanar, work, 3)]
+    """Phantoms and human heads, small ones and ones with 512 columns."""
+    bases = [phantom(triplanar, work, 3, SMALL)]
     if (shared / 'data' / 'series').is_dir():
         bases.append(human(shared, work, 'vhf_head', 2, 2))
         bases.append(human(shared, work, 'vismale', 2, 1))
+        bases.append(phantom(triplanar, work, 5, FULL))
+        bases.append(human(shared, work, 'vhf_head', 4, 1))
     else:
         print('skipped: humans: no shared data')
-        bases.append(phantom(triplanar, work, 8))
+        bases += [phantom(triplanar, work, 8, SMALL), phantom(triplanar, work, 5, FULL)]
     return bases

@@ -18,6 +18,10 @@ def points(path):
     return np.stack([cloud[axis] for axis in 'xyz'], 1).astype(float)
 
 
+# What tells of damage: everything else may be told of an unharmed series just as well.
+OF_DAMAGE = {'inconsistent_levels', 'trailing_zeros', 'unused_bits'}
+
+
 class Run:
     """What the program made of a folder."""
 
@@ -27,16 +31,22 @@ class Run:
             file.unlink(missing_ok=True)
         command = [triplanar, 'reconstruct', folder, '-o', cloud, '--report', report, *arguments]
         done = subprocess.run(command, capture_output=True, text=True)
+        self.code = done.returncode
         self.output = done.stdout + done.stderr
-        self.failed = done.returncode != 0
-        self.points = None if self.failed else points(cloud)
+        self.points = points(cloud) if done.returncode == 0 else None
         found = json.loads(report.read_text()) if report.exists() else {}
-        self.warnings = {warning['code'] for warning in found.get('warnings', [])}
-        self.doubts = set((found.get('quality') or {}).get('doubts', []))
+        told = {warning['code'] for warning in found.get('warnings', [])}
+        self.doubts = OF_DAMAGE & (told | set((found.get('quality') or {}).get('doubts', [])))
         self.rows = [row for warning in found.get('warnings', []) for row in warning.get('rows', [])]
 
-    def told(self):
-        return self.warnings | self.doubts
+
+# Exit codes: a cloud, or the series was read and shows no skin.
+READ = (0, 5)
+
+
+def read(triplanar, folder, work):
+    """Reads a folder as every profile does, by the one that is done soonest."""
+    return Run(triplanar, folder, work, '--profile', 'paper', '--min-neighbours', '0')
 
 
 def farthest(a, b):

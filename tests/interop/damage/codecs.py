@@ -1,6 +1,9 @@
 """A slice in each transfer syntax: how its HU are stored, and the bytes of its pixels."""
 import io
+import subprocess
+import tempfile
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pydicom
@@ -24,15 +27,9 @@ def native(samples, bits):
 
 
 def rle(samples, bits):
-    from pydicom.pixels.encoders.native import _encode_frame
-    from pydicom.pixels.encoders.base import EncodeRunner
-    runner = EncodeRunner(RLELossless)
-    runner.set_source(samples)
-    runner.set_options(
-        rows=samples.shape[0], columns=samples.shape[1], samples_per_pixel=1, number_of_frames=1, bits_allocated=16,
-        bits_stored=bits, pixel_representation=int(samples.dtype.kind == 'i'), photometric_interpretation='MONOCHROME2',
-    )
-    return bytes(_encode_frame(samples.tobytes(), runner))
+    from rle.utils import encode_pixel_data
+    rows, columns = samples.shape
+    return bytes(encode_pixel_data(samples.tobytes(), byteorder='<', rows=rows, columns=columns, samples_per_pixel=1, bits_allocated=16))
 
 
 def lossless(selections):
@@ -51,15 +48,17 @@ def jpeg2000(ratios):
 
 
 def htj2k(samples, bits):
-    import ojph
-    from ojph import imwrite_to_memory
-    return bytes(imwrite_to_memory(samples, reversible=True))
+    """By OpenJPH, which takes a PGM file: unsigned samples only."""
+    with tempfile.TemporaryDirectory() as folder:
+        head = f'P5 {samples.shape[1]} {samples.shape[0]} {(1 << bits) - 1}\n'.encode()
+        Path(folder, 'a.pgm').write_bytes(head + samples.astype('>u2').tobytes())
+        command = ['ojph_compress', '-i', f'{folder}/a.pgm', '-o', f'{folder}/a.j2c', '-reversible', 'true']
+        subprocess.run(command, check=True, capture_output=True)
+        return Path(folder, 'a.j2c').read_bytes()
 
 
 def jpegls(samples, bits):
     """By DCMTK."""
-    import subprocess
-    import tempfile
     from pydicom.encaps import generate_fragments
     with tempfile.TemporaryDirectory() as folder:
         data_set = pydicom.Dataset()
@@ -73,6 +72,9 @@ def jpegls(samples, bits):
         subprocess.run(['dcmcjpls', f'{folder}/a', f'{folder}/b'], check=True, capture_output=True)
         return b''.join(list(generate_fragments(pydicom.dcmread(f'{folder}/b').PixelData))[1:])
 
+
+# Whose voxels are not those that went in.
+LOSSY = ('JPEG 2000 .91',)
 
 # Name, transfer syntax, encoder, whether the pixels come in fragments.
 ALL = [

@@ -9,9 +9,9 @@ def main() -> int:
     triplanar, work = Path(sys.argv[1]), Path(sys.argv[2])
     passed = failed = 0
     for folder in map(Path, sys.argv[3:]):
-        run = cloud.Run(triplanar, folder, work, '--profile', 'paper')
-        doubted = 'inconsistent_levels' in run.warnings or 'inconsistent_levels' in run.output
-        passed, failed = passed + (not doubted), failed + doubted
+        run = cloud.read(triplanar, folder, work)
+        doubted = run.doubts or 'inconsistent_levels' in run.output or 'decode_failed' in run.output
+        passed, failed = passed + (not doubted), failed + bool(doubted)
         if doubted:
             print(f'FAILED: {folder}: {run.rows or run.output}', flush=True)
     print(f'{passed} passed, {failed} failed')

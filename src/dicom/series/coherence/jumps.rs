@@ -14,8 +14,8 @@ const LEAST_ROWS: usize = 4;
 /// Share of the columns, beyond twice what is usual, that may change at once in one slice alone: at most
 /// 0.06 in scans of heads and skulls.
 const SHARE: f64 = 0.1;
-/// Columns that may at least.
-const LEAST: f64 = 4.0;
+/// Columns that may at least: pads beside a head in 128 columns reach 14 beyond the share.
+const LEAST: f64 = 20.0;
 /// The limit around two or three slices, as a multiple: what is in view in three slices only counts there.
 const AROUND_MORE: f64 = 1.5;
 /// A boundary over this share of the columns, or noise in as many rows, is no patient.
@@ -25,16 +25,12 @@ const SEVERE_ROWS: usize = 8;
 
 /// For each boundary between two rows the columns in which the value changes [`MUCH`].
 pub(super) fn of(slice: &[i16], columns: usize) -> Vec<u32> {
-    let much =
-        |a: i16, b: i16| a.clamp(SEEN.0, SEEN.1).abs_diff(b.clamp(SEEN.0, SEEN.1)) > MUCH.unsigned_abs();
-    let rows = slice.len() / columns;
-    (1..rows)
-        .map(|r| {
-            let (above, below) =
-                (&slice[(r - 1) * columns..r * columns], &slice[r * columns..(r + 1) * columns]);
-            above.iter().zip(below).map(|(a, b)| u32::from(much(*a, *b))).sum()
-        })
-        .collect()
+    let much = |(a, b): (&i16, &i16)| {
+        let step = a.clamp(&SEEN.0, &SEEN.1) - b.clamp(&SEEN.0, &SEEN.1);
+        u16::from((step > MUCH) | (step < -MUCH))
+    };
+    let (above, below) = (slice.chunks_exact(columns), slice.chunks_exact(columns).skip(1));
+    above.zip(below).map(|(above, below)| above.iter().zip(below).map(much).sum::<u16>().into()).collect()
 }
 
 pub(super) fn find(stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
@@ -49,7 +45,12 @@ pub(super) fn find(stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
             .map(|z| {
                 let far = distances.0.max(distances.1) - 1;
                 let own = &summaries[z].jumps;
+                // What comes into view at the first or the last rows was beside the image before.
+                let inner = reach.min(own.len() / 8)..own.len() - reach.min(own.len() / 8);
                 let beyond = |r: usize, neighbours: &[usize]| {
+                    if !inner.contains(&r) {
+                        return 0;
+                    }
                     own[r].saturating_sub(neighbours.iter().map(|&n| near[n][far][r]).max().unwrap_or(0))
                 };
                 let neighbours = match around(z, distances, stack.count) {

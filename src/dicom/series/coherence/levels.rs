@@ -1,16 +1,14 @@
 //! The level of air and of soft tissue in bands of rows, against the slices before and after.
 
-use rayon::prelude::*;
-
 use super::limit::usual;
-use super::{Finding, Kind, Stack, around};
+use super::{Finding, Kind, Stack};
 
 /// Bands of rows of an image.
 const BANDS: usize = 16;
 /// Rows of a band at least.
 const LEAST_ROWS: usize = 4;
-/// Columns that are looked at, about.
-const COLUMNS: usize = 256;
+/// Rows of a band that are looked at, about.
+const ROWS: usize = 16;
 /// Shares of a band's pixels that must be air, or soft tissue, in both neighbours.
 const LEAST_SHARES: [f64; 2] = [1.0 / 32.0, 1.0 / 8.0];
 /// Air lies below this, HU.
@@ -28,20 +26,21 @@ const SEVERE: f64 = 500.0;
 const SEVERE_BANDS: usize = 2;
 
 /// Around one slice and around two.
-const AROUND: [(usize, usize); 3] = [(1, 1), (1, 2), (2, 1)];
+pub(super) const AROUND: [(usize, usize); 3] = [(1, 1), (1, 2), (2, 1)];
 
-pub(super) fn find(stack: &Stack<'_>) -> Vec<Finding> {
-    let height = (stack.rows / BANDS).max(LEAST_ROWS);
+/// For each band how far air and soft tissue lie beyond both neighbours, HU.
+pub(super) type Shifts = Vec<[f64; 2]>;
+
+/// The findings among the shifts of all slices, each with one for each of [`AROUND`].
+pub(super) fn find(stack: &Stack<'_>, shifts: &[[Option<Shifts>; AROUND.len()]]) -> Vec<Finding> {
+    let height = height(stack.rows);
     let mut found: Vec<Finding> = Vec::new();
-    for distances in AROUND {
-        let shifts: Vec<Option<Vec<[f64; 2]>>> = (0..stack.count)
-            .into_par_iter()
-            .map(|z| around(z, distances, stack.count).map(|(a, b)| of_bands(stack, [z, a, b], height)))
-            .collect();
+    for around in 0..AROUND.len() {
+        let shifts = || shifts.iter().map(|of_slice| of_slice[around].as_ref());
         for (class, kind) in [Kind::Air, Kind::Tissue].into_iter().enumerate() {
-            let most = |bands: &Vec<[f64; 2]>| bands.iter().map(|b| b[class]).fold(0.0, f64::max);
-            let limit = LEAST + 2.0 * usual(shifts.iter().flatten().map(most));
-            for (slice, bands) in shifts.iter().enumerate() {
+            let most = |bands: &Shifts| bands.iter().map(|b| b[class]).fold(0.0, f64::max);
+            let limit = LEAST + 2.0 * usual(shifts().flatten().map(most));
+            for (slice, bands) in shifts().enumerate() {
                 let Some(bands) = bands else { continue };
                 let over: Vec<usize> = (0..bands.len()).filter(|&b| bands[b][class] > limit).collect();
                 let (Some(&first), Some(&last)) = (over.first(), over.last()) else { continue };
@@ -63,52 +62,83 @@ pub(super) fn find(stack: &Stack<'_>) -> Vec<Finding> {
     found
 }
 
-/// For each band how far air and soft tissue lie beyond both neighbours, HU.
-fn of_bands(stack: &Stack<'_>, slices: [usize; 3], height: usize) -> Vec<[f64; 2]> {
-    let [own, before, after] = slices.map(|z| stack.slice(z));
-    let step = (stack.columns / COLUMNS).max(1);
-    let size = height * stack.columns;
-    let least = LEAST_SHARES.map(|share| share * (size / step) as f64);
-    let bands = own.chunks(size).zip(before.chunks(size)).zip(after.chunks(size));
-    bands
-        .map(|((own, before), after)| {
-            let mut seen = [0_usize; 2];
-            let mut beyond: [Vec<i32>; 2] = [Vec::new(), Vec::new()];
-            for i in (0..own.len()).step_by(step) {
-                let (low, high) = (before[i].min(after[i]), before[i].max(after[i]));
-                let class = if high < AIR {
-                    0
-                } else if low > SOFT.0 && high < SOFT.1 {
-                    1
-                } else {
-                    continue;
-                };
-                seen[class] += 1;
-                let v = own[i];
-                if v < low || v > high {
-                    beyond[class].push(i32::from(v) - i32::from(v.clamp(low, high)));
-                }
-            }
-            [0, 1].map(|class| {
-                let enough = seen[class] > 0 && seen[class] as f64 >= least[class];
-                if enough { shift(&beyond[class], seen[class], MOST[class]) } else { 0.0 }
-            })
-        })
-        .collect()
+fn height(rows: usize) -> usize {
+    (rows / BANDS).max(LEAST_ROWS)
 }
 
-/// How far three quarters of `seen` pixels at least, of which these lie beyond both neighbours, lie on
-/// one side of them; 0 if three quarters of them do by more than `most`.
-fn shift(beyond: &[i32], seen: usize, most: i32) -> f64 {
-    let mut one_side: Vec<i32> = beyond.iter().copied().filter(|&v| v > 0).collect();
-    if 2 * one_side.len() < beyond.len() {
-        one_side = beyond.iter().filter(|&&v| v < 0).map(|v| -v).collect();
+/// A pixel, and the lower and the higher of those at its place in the neighbours.
+#[derive(Clone, Copy)]
+struct Pixel {
+    v: i16,
+    low: i16,
+    high: i16,
+}
+
+impl Pixel {
+    /// Whether both neighbours are of that class: air, or soft tissue.
+    fn is(self, class: usize) -> bool {
+        if class == 0 { self.high < AIR } else { (self.low > SOFT.0) & (self.high < SOFT.1) }
     }
+
+    /// How far it lies beyond both neighbours.
+    fn beyond(self) -> i32 {
+        i32::from(self.v) - i32::from(self.v.clamp(self.low, self.high))
+    }
+}
+
+/// The shifts of a slice beyond those before and after.
+pub(super) fn of(own: &[i16], before: &[i16], after: &[i16], columns: usize) -> Shifts {
+    let size = height(own.len() / columns) * columns;
+    let bands = own.chunks(size).zip(before.chunks(size)).zip(after.chunks(size));
+    bands.map(|((own, before), after)| of_band(own, before, after, columns)).collect()
+}
+
+fn of_band(own: &[i16], before: &[i16], after: &[i16], columns: usize) -> [f64; 2] {
+    let step = (own.len() / columns / ROWS).max(1);
+    let rows = || {
+        let rows =
+            own.chunks_exact(columns).zip(before.chunks_exact(columns)).zip(after.chunks_exact(columns));
+        rows.step_by(step).map(|((own, before), after)| {
+            let pixels = own.iter().zip(before).zip(after);
+            pixels.map(|((&v, &a), &b)| Pixel { v, low: a.min(b), high: a.max(b) })
+        })
+    };
+    let looked_at = rows().count() * columns;
+    [0, 1].map(|class| {
+        // Those of the class, and those of them above and below both neighbours.
+        let (mut seen, mut above, mut below) = (0, 0, 0);
+        for row in rows() {
+            let counts = row.fold([0_u16; 3], |[seen, above, below], pixel| {
+                let is = pixel.is(class);
+                let (is_above, is_below) = (is & (pixel.v > pixel.high), is & (pixel.v < pixel.low));
+                [seen + u16::from(is), above + u16::from(is_above), below + u16::from(is_below)]
+            });
+            let [of_row, above_in_row, below_in_row] = counts.map(usize::from);
+            (seen, above, below) = (seen + of_row, above + above_in_row, below + below_in_row);
+        }
+        let enough = seen > 0 && seen as f64 >= LEAST_SHARES[class] * looked_at as f64;
+        // A shift of three quarters of the pixels needs as many on one side.
+        if !enough || above.max(below) + seen / 4 < seen {
+            return 0.0;
+        }
+        let mut one_side: Vec<i32> = rows()
+            .flatten()
+            .filter(|pixel| pixel.is(class))
+            .map(|pixel| if above >= below { pixel.beyond() } else { -pixel.beyond() })
+            .filter(|&beyond| beyond > 0)
+            .collect();
+        shift(&mut one_side, seen, MOST[class])
+    })
+}
+
+/// How far three quarters of `seen` pixels at least lie on one side of their neighbours, of which these do;
+/// 0 if three quarters of them do by more than `most`.
+fn shift(one_side: &mut [i32], seen: usize, most: i32) -> f64 {
     let Some(nearer) = (one_side.len() + seen / 4).checked_sub(seen) else { return 0.0 };
-    let rank = nearer.min(one_side.len().saturating_sub(1));
     if one_side.is_empty() {
         return 0.0;
     }
+    let rank = nearer.min(one_side.len() - 1);
     let low = *one_side.select_nth_unstable(rank).1;
     let rank = one_side.len() * 3 / 4;
     let high = *one_side.select_nth_unstable(rank).1;

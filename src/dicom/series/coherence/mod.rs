@@ -27,10 +27,14 @@ mod tell;
 #[cfg(test)]
 mod tests;
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
+use crate::pipeline::Observer;
+
+use patches::Patch;
 pub(super) use stack::Stack;
 pub(super) use tell::tell;
 
@@ -46,6 +50,11 @@ const SEEN: (i16, i16) = (-1000, 200);
 /// A change of more than this, HU, a third of the step from air to tissue, and more than 4 standard
 /// deviations of the difference of two pixels with 70 HU of noise.
 const MUCH: i16 = 400;
+/// Bytes by which a code block of a JPEG 2000 frame may end off its end: those of 5 encoders are off by 2
+/// at most, damaged ones by 12 to thousands.
+const MOST_OFF: u32 = 8;
+/// Slices that are compared with their neighbours at a time.
+const AT_A_TIME: usize = 8;
 /// Distances to the neighbours before and after: the next ones, and those around two and three slices.
 const AROUND: [(usize, usize); 6] = [(1, 1), (1, 2), (2, 1), (1, 3), (2, 2), (3, 1)];
 
@@ -60,8 +69,6 @@ pub(super) enum Kind {
     Jump,
     /// A patch of values that are nowhere near in the neighbours.
     Patch,
-    /// Values a little beyond those near in the neighbours, in many places.
-    Texture,
     /// Air at another level.
     Air,
     /// Soft tissue at another level.
@@ -70,6 +77,8 @@ pub(super) enum Kind {
     Constant,
     /// The same pixels as another slice.
     Repeated,
+    /// A block of the compressed frame does not end with its data.
+    Stream,
 }
 
 /// One slice and what was found in it.
@@ -80,8 +89,8 @@ pub(super) struct Finding {
     pub(super) kind: Kind,
     /// Rows of the image that it was found in, counted from 0.
     pub(super) rows: Range<usize>,
-    /// Share of the ordinary change (`Place`, `Order`), columns (`Jump`), pixels (`Patch`, `Texture`), HU (`Air`,
-    /// `Tissue`), rows (`Constant`), pixels (`Repeated`).
+    /// Share of the ordinary change (`Place`, `Order`), columns (`Jump`), pixels (`Patch`), HU (`Air`,
+    /// `Tissue`), rows (`Constant`), pixels (`Repeated`), bytes (`Stream`).
     pub(super) measured: f64,
     /// The most that the series itself allows, in the same unit.
     pub(super) limit: f64,
@@ -97,23 +106,43 @@ struct Summary {
     ends: constant::Ends,
 }
 
-/// Everything in the stack that does not go with its neighbours, by slice and kind.
-pub(super) fn findings(stack: &Stack<'_>) -> Vec<Finding> {
+/// Everything in the stack that does not go with its neighbours, and frames whose blocks end off their
+/// ends by so many bytes, by slice and kind. A part of it, if the observer cancels.
+pub(super) fn findings(
+    stack: &Stack<'_>,
+    off_their_ends: &[(usize, u32)],
+    observer: &dyn Observer,
+) -> Vec<Finding> {
+    let mut found = between_neighbours(stack, observer);
+    found.extend(off_their_ends.iter().filter(|(_, bytes)| *bytes > MOST_OFF).map(|&(slice, bytes)| {
+        Finding {
+            slice,
+            kind: Kind::Stream,
+            rows: 0..stack.rows,
+            measured: f64::from(bytes),
+            limit: f64::from(MOST_OFF),
+            severe: false,
+        }
+    }));
+    found.sort_by_key(|finding| (finding.slice, finding.kind));
+    found
+}
+
+fn between_neighbours(stack: &Stack<'_>, observer: &dyn Observer) -> Vec<Finding> {
     if stack.count < LEAST_SLICES || stack.rows < LEAST_SIDE || stack.columns < LEAST_SIDE {
         return Vec::new();
     }
-    let summaries: Vec<Summary> = (0..stack.count)
-        .into_par_iter()
-        .map(|z| {
-            let slice = stack.slice(z);
-            Summary {
-                tissue: place::tissue(&slice, stack.columns),
-                jumps: jumps::of(&slice, stack.columns),
-                blocks: patches::Blocks::of(&slice, stack),
-                ends: constant::Ends::of(&slice, stack.columns),
-            }
+    let summary = |z| {
+        let slice = stack.slice(z);
+        (!observer.cancelled()).then(|| Summary {
+            tissue: place::tissue(&slice, stack.columns),
+            jumps: jumps::of(&slice, stack.columns),
+            blocks: patches::Blocks::of(&slice, stack),
+            ends: constant::Ends::of(&slice, stack.columns),
         })
-        .collect();
+    };
+    let summaries: Option<Vec<Summary>> = (0..stack.count).into_par_iter().map(summary).collect();
+    let Some(summaries) = summaries else { return Vec::new() };
     // Slices that hold nothing were added at the ends.
     let holds = |summary: &Summary| !summary.ends.all;
     let (Some(first), Some(last)) = (summaries.iter().position(holds), summaries.iter().rposition(holds))
@@ -124,17 +153,52 @@ pub(super) fn findings(stack: &Stack<'_>) -> Vec<Finding> {
     if stack.count < LEAST_SLICES {
         return Vec::new();
     }
+    let compared: Option<Vec<Vec<Compared>>> = (0..stack.count.div_ceil(AT_A_TIME))
+        .into_par_iter()
+        .map(|part| compared(stack, summaries, part * AT_A_TIME, observer))
+        .collect();
+    let Some(compared) = compared else { return Vec::new() };
+    let (patches, shifts): (Vec<Patch>, Vec<_>) = compared.into_iter().flatten().unzip();
     let mut found = place::find(stack, summaries);
     found.extend(jumps::find(stack, summaries));
-    found.extend(patches::find(stack, summaries));
-    found.extend(levels::find(stack));
+    found.extend(patches::find(stack, summaries, &patches));
+    found.extend(levels::find(stack, &shifts));
     found.extend(constant::find(stack, summaries));
     for finding in &mut found {
         finding.rows = stack.image_rows(&finding.rows);
         finding.slice += first;
     }
-    found.sort_by_key(|finding| (finding.slice, finding.kind));
     found
+}
+
+/// The largest patch of a slice that its neighbours don't explain, and its shifts against those around it.
+type Compared = (Patch, [Option<levels::Shifts>; levels::AROUND.len()]);
+
+/// Slices from `first` on against those around them; `None` if the observer cancels. Some at a time,
+/// because each is looked at up to five times.
+fn compared(
+    stack: &Stack<'_>,
+    summaries: &[Summary],
+    first: usize,
+    observer: &dyn Observer,
+) -> Option<Vec<Compared>> {
+    let end = stack.count.min(first + AT_A_TIME);
+    let begin = first.saturating_sub(2);
+    let slices: Vec<Cow<'_, [i16]>> = (begin..stack.count.min(end + 2))
+        .map(|z| (!observer.cancelled()).then(|| stack.slice(z)))
+        .collect::<Option<_>>()?;
+    let of = |z| {
+        let slice = |z: usize| &*slices[z - begin];
+        let patch = around(z, (1, 1), stack.count).map_or_else(Patch::default, |(a, b)| {
+            patches::unexplained(slice(z), stack.columns, &summaries[a].blocks, &summaries[b].blocks)
+        });
+        let shifts = levels::AROUND.map(|distances| {
+            let (a, b) = around(z, distances, stack.count)?;
+            Some(levels::of(slice(z), slice(a), slice(b), stack.columns))
+        });
+        (!observer.cancelled()).then_some((patch, shifts))
+    };
+    (first..end).map(of).collect()
 }
 
 /// The slices `before` and `after` slice `z`, where both are in the stack.

@@ -3,6 +3,10 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+/// Pixels along the side of the squares in which a slice is turned over: two of them lie in the
+/// processor's nearest cache.
+const TILE: usize = 32;
+
 /// Slices in Hounsfield units, one after another, in the order of their places.
 pub(in crate::dicom::series) struct Stack<'a> {
     pub(in crate::dicom::series) voxels: &'a [i16],
@@ -14,7 +18,9 @@ pub(in crate::dicom::series) struct Stack<'a> {
     pub(in crate::dicom::series) by_rows: bool,
     /// Whether the last row of the image comes first.
     pub(in crate::dicom::series) rows_flipped: bool,
-    /// Widest distance of two slices, in steps from row to row and from column to column.
+    /// Widest distance of two slices, mm.
+    pub(in crate::dicom::series) step_mm: f64,
+    /// The same in steps from row to row and from column to column.
     pub(in crate::dicom::series) step_px: [f64; 2],
 }
 
@@ -26,8 +32,19 @@ impl Stack<'_> {
         if self.by_rows {
             return Cow::Borrowed(stored);
         }
-        let row = |r: usize| (0..self.columns).map(move |c| stored[c * self.rows + r]);
-        Cow::Owned((0..self.rows).flat_map(row).collect())
+        let mut turned = vec![0; size];
+        for (first_row, rows) in turned.chunks_mut(TILE * self.columns).enumerate() {
+            let first_row = first_row * TILE;
+            for first_column in (0..self.columns).step_by(TILE) {
+                for (r, row) in rows.chunks_exact_mut(self.columns).enumerate() {
+                    let end = self.columns.min(first_column + TILE);
+                    for (c, pixel) in row[first_column..end].iter_mut().enumerate() {
+                        *pixel = stored[(first_column + c) * self.rows + first_row + r];
+                    }
+                }
+            }
+        }
+        Cow::Owned(turned)
     }
 
     /// Some of the slices.
@@ -39,6 +56,11 @@ impl Stack<'_> {
 
     pub(super) fn pixels(&self) -> f64 {
         (self.rows * self.columns) as f64
+    }
+
+    /// Pixels of so many square millimetres.
+    pub(super) fn pixels_of(&self, area_mm2: f64) -> f64 {
+        area_mm2 * self.step_px[0] * self.step_px[1] / (self.step_mm * self.step_mm)
     }
 
     /// Rows of the image for rows of the stack.

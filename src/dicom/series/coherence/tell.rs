@@ -55,11 +55,11 @@ fn rows(finding: &Finding, slices: &[Slice]) -> DoubtfulRows {
             Kind::Order => RowsDoubt::Order,
             Kind::Jump => RowsDoubt::Jump,
             Kind::Patch => RowsDoubt::Patch,
-            Kind::Texture => RowsDoubt::Texture,
             Kind::Air => RowsDoubt::Air,
             Kind::Tissue => RowsDoubt::Tissue,
             Kind::Constant => RowsDoubt::Constant,
             Kind::Repeated => RowsDoubt::Repeated,
+            Kind::Stream => RowsDoubt::Stream,
         },
         measured: finding.measured,
         limit: finding.limit,
@@ -106,15 +106,17 @@ fn described(finding: &Finding, slices: &[Slice]) -> String {
                 "{measured:.0} pixels have values that are nowhere near in the neighbours, limit {limit:.0}"
             )
         }
-        Kind::Texture => {
-            format!("{measured:.0} pixels lie beyond all near them in the neighbours, limit {limit:.0}")
-        }
         Kind::Air => format!("air is {measured:.0} HU off the neighbours', limit {limit:.0}"),
         Kind::Tissue => format!("soft tissue is {measured:.0} HU off the neighbours', limit {limit:.0}"),
         Kind::Constant => {
             format!("{measured:.0} rows more than in the neighbours have one value, limit {limit:.0}")
         }
         Kind::Repeated => "all pixels are those of another slice".to_owned(),
+        Kind::Stream => {
+            format!(
+                "a block of the compressed frame ends {measured:.0} bytes off its data's end, limit {limit:.0}"
+            )
+        }
     };
     format!("instance {uid}{frame} rows {} to {}: {what}", rows.start + 1, rows.end)
 }

@@ -1,9 +1,11 @@
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::{Finding, Kind, Stack, findings};
+use super::{Finding, Kind, MOST_OFF, Stack, findings};
+use crate::pipeline::{Observer, Silent, Stage};
 
 const SIDE: usize = 128;
 const COUNT: usize = 40;
@@ -33,11 +35,22 @@ fn head(slice_mm: f64, count: usize, noise: i16) -> Vec<i16> {
 }
 
 fn found(voxels: &[i16], slice_mm: f64) -> Vec<Finding> {
-    let step_px = [slice_mm / 2.0; 2];
     let count = voxels.len() / (SIDE * SIDE);
-    let stack =
-        Stack { voxels, count, rows: SIDE, columns: SIDE, by_rows: true, rows_flipped: false, step_px };
-    findings(&stack)
+    findings(&stack(voxels, count, slice_mm), &[], &Silent)
+}
+
+fn stack(voxels: &[i16], count: usize, slice_mm: f64) -> Stack<'_> {
+    let step_px = [slice_mm / 2.0; 2];
+    Stack {
+        voxels,
+        count,
+        rows: SIDE,
+        columns: SIDE,
+        by_rows: true,
+        rows_flipped: false,
+        step_mm: slice_mm,
+        step_px,
+    }
 }
 
 fn slices(found: &[Finding]) -> Vec<usize> {
@@ -130,6 +143,8 @@ fn slices_of_another_place_are_found() {
     let found = harmed(|voxels| exchange(voxels, 8, 20));
     let severe: Vec<Finding> = found.iter().filter(|finding| finding.severe).cloned().collect();
     assert_eq!(slices(&severe), [8, 20], "{found:?}");
+    let found = harmed(|voxels| exchange(voxels, 8, 10));
+    assert!(slices(&found).contains(&8) && slices(&found).contains(&10), "{found:?}");
     let found = harmed(|voxels| exchange(voxels, 8, 9));
     assert!(slices(&found).starts_with(&[8, 9]), "{found:?}");
     let found = harmed(|voxels| voxels.copy_within(rows(8, 0..SIDE), 30 * SIDE * SIDE));
@@ -148,18 +163,46 @@ fn rows_are_those_of_the_image_however_it_lies_in_memory() {
         let (z, r, c) = (i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE);
         by_columns[(z * SIDE + c) * SIDE + r] = v;
     }
-    let stack = Stack {
-        voxels: &by_columns,
-        count: COUNT,
-        rows: SIDE,
-        columns: SIDE,
-        by_rows: false,
-        rows_flipped: true,
-        step_px: [1.5; 2],
-    };
-    let mut flipped = findings(&stack);
+    let stack = Stack { by_rows: false, rows_flipped: true, ..stack(&by_columns, COUNT, 3.0) };
+    let mut flipped = findings(&stack, &[], &Silent);
     for finding in &mut flipped {
         finding.rows = SIDE - finding.rows.end..SIDE - finding.rows.start;
     }
     assert_eq!(flipped, found(&voxels, 3.0));
+}
+
+#[test]
+fn a_frame_whose_blocks_end_off_their_ends_is_told_of_whatever_it_shows() {
+    let voxels = head(3.0, COUNT, 20);
+    let off = [(3, MOST_OFF), (30, MOST_OFF + 1), (31, 0)];
+    let found = findings(&stack(&voxels, COUNT, 3.0), &off, &Silent);
+    assert_eq!(slices(&found), [30]);
+    assert_eq!((found[0].kind, found[0].rows.clone(), found[0].severe), (Kind::Stream, 0..SIDE, false));
+    // Too few slices to be compared.
+    let few = findings(&stack(&voxels[..5 * SIDE * SIDE], 5, 3.0), &[(4, 100)], &Silent);
+    assert_eq!(slices(&few), [4]);
+}
+
+/// Cancels at the `n`th question.
+struct CancelsAt(AtomicUsize);
+
+impl Observer for CancelsAt {
+    fn progress(&self, _: Stage, _: f64) {}
+    fn cancelled(&self) -> bool {
+        self.0.fetch_update(Relaxed, Relaxed, |left| Some(left.saturating_sub(1))).unwrap() == 0
+    }
+}
+
+#[test]
+fn every_slice_asks_whether_to_go_on() {
+    let voxels = head(3.0, COUNT, 20);
+    let observer = CancelsAt(AtomicUsize::new(usize::MAX));
+    findings(&stack(&voxels, COUNT, 3.0), &[], &observer);
+    let asked = usize::MAX - observer.0.load(Relaxed);
+    assert!(asked >= 2 * COUNT, "{asked} questions");
+    for at in [0, COUNT / 2, COUNT + COUNT / 2] {
+        let observer = CancelsAt(AtomicUsize::new(at));
+        findings(&stack(&voxels, COUNT, 3.0), &[], &observer);
+        assert_eq!(observer.0.load(Relaxed), 0, "it stopped");
+    }
 }
