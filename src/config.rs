@@ -134,6 +134,8 @@ pub struct Dimse {
     pub calling_ae_titles: Vec<String>,
     pub max_associations: usize,
     pub max_associations_per_peer: usize,
+    #[serde(deserialize_with = "seconds")]
+    pub gives_way_after: Duration,
     pub max_waiting: usize,
     pub max_waiting_per_peer: usize,
     pub max_pdu_length: u32,

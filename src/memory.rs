@@ -38,6 +38,12 @@ pub struct NoMemory {
 }
 
 impl NoMemory {
+    /// The same for one that holds so many bytes already and keeps them.
+    #[must_use]
+    pub fn beside(self, held: u64) -> Self {
+        Self { needed: self.needed.saturating_add(held), ..self }
+    }
+
     /// Whether it would not fit if nobody else used any.
     #[must_use]
     pub fn never_fits(&self) -> bool {
@@ -149,5 +155,8 @@ mod tests {
         drop(one);
         assert_eq!(memory.used(), 0);
         assert!(memory.take(101).unwrap_err().never_fits());
+        let held = memory.take(60).unwrap();
+        assert!(!memory.take(41).unwrap_err().never_fits(), "others may give theirs back");
+        assert!(memory.take(41).unwrap_err().beside(held.bytes()).never_fits(), "who asks keeps its own");
     }
 }

@@ -7,6 +7,7 @@ mod max_error;
 mod metadata;
 mod point_cloud;
 
+pub(crate) use formats::encode_asking;
 pub use formats::{Conversion, ConversionError, Converting, Format, UnknownFormat, encode, ply};
 pub use max_error::{InvalidMaxError, MaxError, Unfiltered};
 pub use metadata::Metadata;

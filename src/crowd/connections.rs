@@ -34,6 +34,10 @@ pub(crate) struct Limits {
     /// Where all places are taken, work that waits for its peer makes room if the peer moves fewer bytes
     /// a second; 0: none does.
     pub(crate) crowded_bytes_per_second: u64,
+    /// One that has waited for less makes no room.
+    pub(crate) least_wait: Duration,
+    /// Whether patience shrinks before the last place is taken.
+    pub(crate) shrinks: bool,
 }
 
 /// All connections of one door.
@@ -117,7 +121,8 @@ impl Connections {
         let of_peer = members.values().filter(|it| it.counts() && it.peer == peer).count();
         if !shared && of_peer >= self.limits.max_per_peer {
             let of_peer = || members.iter().filter(|(_, it)| it.peer == peer);
-            let victim = oldest(of_peer()).or_else(|| self.slowest(of_peer(), |_| 0));
+            let victim = oldest(of_peer().filter(|(_, it)| self.gives_way(it, now)))
+                .or_else(|| self.slowest(of_peer(), |_| 0));
             close(&mut members, victim.ok_or(LimitReached(self.limits.names[1]))?);
         }
         if members.values().filter(|it| it.counts()).count() >= self.limits.max {
@@ -146,13 +151,14 @@ impl Connections {
     /// The oldest that waits, of the peer that has the most connections of which one waits; a proxy's
     /// go last. None goes for a peer that has more connections than its own.
     fn victim(&self, members: &HashMap<u64, Arc<Member>>, newcomer: Peer, shared: bool) -> Option<u64> {
+        let now = self.now();
         let mut of_peer = HashMap::<Peer, usize>::new();
         for member in members.values().filter(|it| it.counts()) {
             *of_peer.entry(member.peer).or_default() += 1;
         }
         let of_newcomer = if shared { 0 } else { of_peer.get(&newcomer).copied().unwrap_or(0) };
         let may_go = |it: &Member| of_peer[&it.peer] >= of_newcomer;
-        let waiting = members.iter().filter(|(_, it)| it.waits() && may_go(it));
+        let waiting = members.iter().filter(|(_, it)| self.gives_way(it, now) && may_go(it));
         let rank =
             |member: &Member| (member.shared, std::cmp::Reverse(of_peer[&member.peer]), member.since());
         let waiting = waiting.min_by_key(|(id, it)| (rank(it), **id)).map(|(id, _)| *id);
@@ -174,11 +180,17 @@ impl Connections {
         slow.min().map(|(.., id)| id)
     }
 
+    /// Whether it waits, and has done so for long enough to make room.
+    fn gives_way(&self, member: &Member, now: u64) -> bool {
+        let waited = u128::from(now.saturating_sub(member.since()));
+        member.waits() && waited >= self.limits.least_wait.as_millis()
+    }
+
     /// Half full, it begins to shrink; full, there is next to none.
     fn patience(&self, connections: usize) -> Duration {
         let Limits { max, patience, .. } = self.limits;
         let left = max.saturating_sub(connections);
-        if 2 * left >= max {
+        if 2 * left >= max || !self.limits.shrinks {
             return patience;
         }
         patience.mul_f64(2.0 * left as f64 / max as f64).max(LEAST_PATIENCE.min(patience))
@@ -330,16 +342,21 @@ mod tests {
         Peer::from(IpAddr::from([10, 0, 0, number]))
     }
 
-    fn connections(max: usize, max_per_peer: usize) -> Arc<Connections> {
-        let patience = Duration::from_secs(30);
-        let crowded_bytes_per_second = 65_536;
-        Connections::new(Limits {
+    fn limits(max: usize, max_per_peer: usize) -> Limits {
+        let (patience, least_wait) = (Duration::from_secs(30), Duration::ZERO);
+        Limits {
             max,
             max_per_peer,
             names: ["all", "one"],
             patience,
-            crowded_bytes_per_second,
-        })
+            crowded_bytes_per_second: 65_536,
+            least_wait,
+            shrinks: true,
+        }
+    }
+
+    fn connections(max: usize, max_per_peer: usize) -> Arc<Connections> {
+        Connections::new(limits(max, max_per_peer))
     }
 
     fn is_closed(place: &Place) -> bool {
@@ -417,6 +434,14 @@ mod tests {
         assert_eq!(places.each_ref().map(is_closed), [false, true, false]);
         let _alone = connections.admit(peer(4), false).unwrap();
         assert_eq!(places.each_ref().map(is_closed), [true, true, false], "who keeps the rate stays");
+    }
+
+    #[test]
+    fn what_has_not_waited_long_enough_makes_no_room() {
+        let least_wait = Duration::from_secs(3600);
+        let connections = Connections::new(Limits { least_wait, shrinks: false, ..limits(2, 2) });
+        let _both = [1, 2].map(|it| connections.admit(peer(it), false).unwrap());
+        assert_eq!(connections.admit(peer(3), false).unwrap_err(), LimitReached("all"));
     }
 
     #[test]

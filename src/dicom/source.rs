@@ -16,6 +16,14 @@ pub trait InstanceSource: Sync {
     /// # Errors
     /// Whatever the storage says.
     fn read(&self, index: usize) -> io::Result<Vec<u8>>;
+    /// The same, ended with [`io::ErrorKind::Interrupted`] once it is `stopped`: for sources that take a
+    /// while for a large instance.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    fn read_unless(&self, index: usize, _stopped: &dyn Fn() -> bool) -> io::Result<Vec<u8>> {
+        self.read(index)
+    }
     /// Bytes of the instance at `index`, where that is known before it is read.
     fn size(&self, _index: usize) -> Option<u64> {
         None

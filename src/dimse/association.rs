@@ -24,7 +24,7 @@ use super::services::{self, Request};
 use super::status::{Refusal, SUCCESS};
 use super::stop::Stop;
 use super::tally::{RefusedContexts, Tally, reason_name};
-use crate::crowd::{Peer, Place, Slot};
+use crate::crowd::{Peer, Place};
 use crate::intake::{Intake, Receipt, Sender};
 use crate::store::SenderEnd;
 use crate::telemetry::Metrics;
@@ -54,9 +54,8 @@ pub(crate) async fn serve(
     };
     // From here on the association's own place counts.
     drop(place);
-    if let Some((connection, accepted, slot)) = begun {
-        established(connection, peer, accepted, shared, stop).await;
-        drop(slot);
+    if let Some((connection, accepted, seat)) = begun {
+        established(connection, peer, accepted, seat, shared, stop).await;
     }
 }
 
@@ -67,7 +66,7 @@ async fn begin(
     patience: Duration,
     shared: &Shared,
     stop: &Stop,
-) -> Option<(Connection, Accepted, Slot)> {
+) -> Option<(Connection, Accepted, Place)> {
     let config = &shared.config;
     let mut connection = match Connection::new(stream, config.max_pdu_length, config.write_timeout) {
         Ok(connection) => connection.paced(config.min_bytes_per_second, config.rate_grace),
@@ -94,14 +93,14 @@ async fn begin(
     };
     let (calling, called) = (request.calling_ae_title.clone(), request.called_ae_title.clone());
     let answer = negotiation::negotiate(request, config).and_then(|accepted| {
-        let slot = shared.associations.take(Peer::from(peer.ip())).map_err(|limit| {
+        let seat = shared.associations.admit(Peer::from(peer.ip()), false).map_err(|limit| {
             tracing::warn!(%peer, limit = limit.0, "too many associations");
             Rejection::Limit
         })?;
-        Ok((accepted, slot))
+        Ok((accepted, seat))
     });
     match answer {
-        Ok((accepted, slot)) => Some((connection, accepted, slot)),
+        Ok((accepted, seat)) => Some((connection, accepted, seat)),
         Err(rejection) => {
             shared.metrics.association_rejected(rejection.code());
             tracing::warn!(%peer, calling, called, code = rejection.code(), "association rejected");
@@ -141,6 +140,7 @@ async fn established(
     mut connection: Connection,
     peer: SocketAddr,
     accepted: Accepted,
+    seat: Place,
     shared: Arc<Shared>,
     stop: Stop,
 ) {
@@ -149,7 +149,8 @@ async fn established(
     told_contexts(id, peer, &accepted, &shared.metrics);
     shared.metrics.association_opened();
     let sent = connection.send(&Pdu::AssociationAC(accepted.answer)).await;
-    let channel = Channel::new(connection, accepted.peer_max_pdu_length, shared.config.idle_timeout, stop);
+    let idle_timeout = shared.config.idle_timeout;
+    let channel = Channel::new(connection, accepted.peer_max_pdu_length, idle_timeout, stop).seated(seat);
     let mut association = Association {
         id,
         calling_ae_title: accepted.calling_ae_title,

@@ -11,6 +11,7 @@ use super::connection::{Connection, Received};
 use super::fault::Fault;
 use super::pdata::{self, Fragment, Part};
 use super::stop::Stop;
+use crate::crowd::{Busy, Place};
 
 /// What can come where a message may begin.
 pub(crate) enum Incoming {
@@ -44,6 +45,15 @@ pub(crate) struct Channel {
     fragment_size: usize,
     idle_timeout: Duration,
     stop: Stop,
+    /// Our SCP's place among the associations.
+    seat: Option<Seat>,
+}
+
+/// A place that others may need while nothing is asked for.
+struct Seat {
+    place: Place,
+    /// While a message is on its way or being answered.
+    busy: Option<Busy>,
 }
 
 impl Channel {
@@ -54,7 +64,14 @@ impl Channel {
         stop: Stop,
     ) -> Self {
         let fragment_size = pdata::fragment_size(peer_max_pdu_length);
-        Self { connection, rest: Bytes::new(), fragment_size, idle_timeout, stop }
+        Self { connection, rest: Bytes::new(), fragment_size, idle_timeout, stop, seat: None }
+    }
+
+    /// The same, with a place that it gives up for others while it waits for a message.
+    pub(crate) fn seated(mut self, place: Place) -> Self {
+        let busy = Some(place.member().work());
+        self.seat = Some(Seat { place, busy });
+        self
     }
 
     /// The next command set, or the word that there is none.
@@ -112,6 +129,9 @@ impl Channel {
     async fn next(&mut self, waiting: Waiting) -> Result<Next, Fault> {
         self.connection.set_within_message(waiting == Waiting::WithinMessage);
         while self.rest.is_empty() {
+            if waiting == Waiting::ForMessage {
+                self.wait().await?;
+            }
             let stopped = match waiting {
                 Waiting::ForMessage => &self.stop.soon,
                 Waiting::WithinMessage => &self.stop.now,
@@ -135,6 +155,30 @@ impl Channel {
             }
         }
         pdata::take(&mut self.rest).map(Next::Fragment)
+    }
+
+    /// Waits for the first byte of a message. Only meanwhile the association gives way to others.
+    async fn wait(&mut self) -> Result<(), Fault> {
+        if let Some(seat) = &mut self.seat {
+            seat.busy = None;
+        }
+        let Self { connection, idle_timeout, stop, seat, .. } = self;
+        let given_away = async {
+            match seat {
+                Some(seat) => seat.place.closed().await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            biased;
+            () = stop.soon.cancelled() => return Err(Fault::ShuttingDown),
+            () = given_away => return Err(Fault::GaveWay),
+            begun = connection.wait(*idle_timeout) => begun?,
+        }
+        if let Some(seat) = &mut self.seat {
+            seat.busy = Some(seat.place.member().work());
+        }
+        Ok(())
     }
 
     /// Sends a command set.

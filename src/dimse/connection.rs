@@ -93,6 +93,11 @@ impl Connection {
         timeout(limit, self.receive_untimed()).await.unwrap_or(Err(Fault::Idle(limit)))
     }
 
+    /// Waits until a byte is there. Cancelling it loses nothing.
+    pub(crate) async fn wait(&mut self, limit: Duration) -> Result<(), Fault> {
+        timeout(limit, self.fill(1)).await.unwrap_or(Err(Fault::Idle(limit)))
+    }
+
     async fn receive_untimed(&mut self) -> Result<Received, Fault> {
         self.fill(HEADER_LENGTH).await?;
         let mut header = [0; HEADER_LENGTH];

@@ -26,6 +26,12 @@ pub enum Fault {
     /// Others need the connection, on which no association request came yet.
     #[error("closed for others: too many connections wait without an association request")]
     Crowded,
+    /// Another association needs the place of this one, whose peer asks for nothing.
+    #[error(
+        "closed for another association: all places are taken (dimse.max_associations, \
+         dimse.max_associations_per_peer) and this one waited longest for a request"
+    )]
+    GaveWay,
     /// The peer did not take what we sent in time.
     #[error("the peer did not take a PDU of ours within {} s", .0.as_secs_f32())]
     Stalled(Duration),
@@ -57,9 +63,12 @@ impl Fault {
         match self {
             Self::Closed | Self::Lost(_) | Self::Aborted | Self::Crowded => None,
             Self::Protocol { reason, .. } => Some(AbortRQSource::ServiceProvider(reason.clone())),
-            Self::Idle(_) | Self::Slow(_) | Self::Stalled(_) | Self::Message(_) | Self::ShuttingDown => {
-                Some(AbortRQSource::ServiceUser)
-            }
+            Self::Idle(_)
+            | Self::Slow(_)
+            | Self::GaveWay
+            | Self::Stalled(_)
+            | Self::Message(_)
+            | Self::ShuttingDown => Some(AbortRQSource::ServiceUser),
         }
     }
 
@@ -82,6 +91,7 @@ impl Fault {
             Self::Idle(_) => "idle",
             Self::Slow(_) => "slow",
             Self::Crowded => "crowded",
+            Self::GaveWay => "gave_way",
             Self::Stalled(_) => "stalled",
             Self::Protocol { .. } => "protocol_error",
             Self::Message(_) => "message_error",

@@ -11,7 +11,7 @@ use tokio_util::task::TaskTracker;
 use super::association;
 use super::stop::Stop;
 use crate::config;
-use crate::crowd::{Connections, Limits, Peer, Places};
+use crate::crowd::{Connections, Limits, Peer};
 use crate::intake::Intake;
 use crate::telemetry::Metrics;
 
@@ -25,7 +25,7 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
 pub(crate) struct Shared {
     pub(crate) config: config::Dimse,
     /// Places of associations, from the request to the connection's end.
-    pub(crate) associations: Arc<Places>,
+    pub(crate) associations: Arc<Connections>,
     pub(crate) intake: Intake,
     pub(crate) metrics: Arc<Metrics>,
 }
@@ -33,7 +33,8 @@ pub(crate) struct Shared {
 /// Serves DICOM associations on `listener` until `shutdown`: Verification and Storage as SCP.
 ///
 /// A connection takes a place of an association only when its request was read. Before that it
-/// waits among others, of which the oldest make room when there are too many.
+/// waits among others, of which the oldest make room when there are too many. When all places of
+/// associations are taken, the one that has waited longest for its peer's next request makes room.
 ///
 /// At shutdown no further association is accepted, those that wait for a message are aborted, and
 /// those within a message may finish it for a moment. Returns when all have ended.
@@ -50,12 +51,18 @@ pub async fn serve(
         names: ["dimse.max_waiting", "dimse.max_waiting_per_peer"],
         patience: config.association_timeout,
         crowded_bytes_per_second: 0,
+        least_wait: Duration::ZERO,
+        shrinks: true,
     });
-    let associations = Places::new(
-        config.max_associations,
-        config.max_associations_per_peer,
-        ["dimse.max_associations", "dimse.max_associations_per_peer"],
-    );
+    let associations = Connections::new(Limits {
+        max: config.max_associations,
+        max_per_peer: config.max_associations_per_peer,
+        names: ["dimse.max_associations", "dimse.max_associations_per_peer"],
+        patience: config.idle_timeout,
+        least_wait: config.gives_way_after,
+        shrinks: false,
+        crowded_bytes_per_second: 0,
+    });
     let shared = Arc::new(Shared { config, associations, intake, metrics });
     let stop = Stop { soon: shutdown.clone(), now: CancellationToken::new() };
     let tasks = TaskTracker::new();

@@ -71,8 +71,8 @@ impl Context {
                  clients reach the service as hosts = [\"…\"] under [http], or configure tokens"
             );
         }
-        let volumes = Arc::new(Volumes::new(store.clone(), &config, jobs.threads()));
         let memory = jobs.memory();
+        let volumes = Arc::new(Volumes::new(store.clone(), &config, memory.clone(), jobs.threads()));
         Self { store, intake, jobs, config, metrics, uploads, streams, hosts, volumes, memory, shutdown }
     }
 }

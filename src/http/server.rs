@@ -41,6 +41,8 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: Cancellatio
         names,
         patience: settings.idle_timeout,
         crowded_bytes_per_second: settings.crowded_bytes_per_second,
+        least_wait: Duration::ZERO,
+        shrinks: true,
     });
     let reserve = Connections::new(Limits {
         max: RESERVE,
@@ -48,6 +50,8 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: Cancellatio
         names,
         patience: RESERVE_PATIENCE.min(settings.idle_timeout),
         crowded_bytes_per_second: settings.crowded_bytes_per_second,
+        least_wait: Duration::ZERO,
+        shrinks: true,
     });
     let door = Door::new(router::router(state, shutdown.clone()), &settings);
     let tasks = TaskTracker::new();

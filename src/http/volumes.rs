@@ -10,11 +10,12 @@ use tokio::sync::{Notify, OnceCell};
 
 use crate::config::Config;
 use crate::dicom::Volume;
-use crate::dicom::series::{ReadLimits, read};
+use crate::dicom::series::{OUT_OF_MEMORY, ReadLimits, read_admitted};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
+use crate::memory::{Memory, Share};
 use crate::pipeline::precise::BorderPoint;
-use crate::pipeline::{Silent, border};
+use crate::pipeline::{Profile, Silent, border};
 use crate::store::{ReconstructionRecord, Store};
 
 /// A series with a certain set of instances.
@@ -24,10 +25,19 @@ type Slot = Arc<Held>;
 /// What is kept of a series.
 #[derive(Default)]
 struct Held {
-    volume: OnceCell<Arc<Volume>>,
+    volume: OnceCell<Kept>,
     /// It depends on the volume alone, not on a reconstruction's parameters.
     border: OnceCell<Arc<Vec<BorderPoint>>>,
 }
+
+/// A volume with its share of the memory budget.
+struct Kept {
+    volume: Arc<Volume>,
+    _share: Share,
+}
+
+/// Bytes of a voxel.
+const BYTES_A_VOXEL: u64 = 2;
 
 /// The volumes that are in memory or on their way there.
 pub(super) struct Volumes {
@@ -58,10 +68,15 @@ impl Deref for InUse {
 }
 
 impl Volumes {
-    pub(super) fn new(store: Store, config: &Config, threads: Arc<rayon::ThreadPool>) -> Self {
+    pub(super) fn new(
+        store: Store,
+        config: &Config,
+        memory: Memory,
+        threads: Arc<rayon::ThreadPool>,
+    ) -> Self {
         Self {
             store,
-            limits: config.read_limits(),
+            limits: ReadLimits { memory, ..config.read_limits() },
             patience: config.http.idle_timeout,
             places: Arc::new(Places::new(config.http.cached_volumes)),
             reading: Arc::default(),
@@ -79,28 +94,31 @@ impl Volumes {
         let place = tokio::time::timeout(self.patience, self.places.wait_for(&key))
             .await
             .map_err(|_| Error::Busy("pictures of http.cached_volumes other series are being made"))?;
-        let volume = place.slot.volume.get_or_try_init(|| self.read(record, &place)).await?;
-        Ok(InUse { volume: Arc::clone(volume), place: place.clone() })
+        let kept = place.slot.volume.get_or_try_init(|| self.read(record, &place)).await?;
+        Ok(InUse { volume: Arc::clone(&kept.volume), place: place.clone() })
     }
 
     /// The patient's border in a volume, as the profile `precise` finds it.
     ///
     /// # Errors
-    /// [`Error::Internal`].
+    /// [`Error::Busy`] without memory, [`Error::Internal`].
     pub(super) async fn border(&self, of: &InUse) -> Result<Arc<Vec<BorderPoint>>> {
         let border = of.place.slot.border.get_or_try_init(|| async {
             let turn = Arc::clone(&self.reading).lock_owned().await;
             let (volume, place) = (Arc::clone(&of.volume), of.place.clone());
+            let beside = Profile::Precise.bytes_a_voxel() - BYTES_A_VOXEL;
+            let share = self.limits.memory.take(volume.hu.len() as u64 * beside)?;
             let threads = Arc::clone(&self.threads);
-            let finding =
-                tokio::task::spawn_blocking(move || (threads.install(|| border(&volume)), place, turn));
-            let (border, _place, _turn) = finding.await.map_err(Error::internal)?;
+            let finding = tokio::task::spawn_blocking(move || {
+                (threads.install(|| border(&volume)), place, turn, share)
+            });
+            let (border, _place, _turn, _share) = finding.await.map_err(Error::internal)?;
             Ok::<_, Error>(Arc::new(border))
         });
         border.await.map(Arc::clone)
     }
 
-    async fn read(&self, record: &ReconstructionRecord, place: &Place) -> Result<Arc<Volume>> {
+    async fn read(&self, record: &ReconstructionRecord, place: &Place) -> Result<Kept> {
         let instances = self.store.instances_of(record).await?;
         let turn = Arc::clone(&self.reading).lock_owned().await;
         let source = self.store.instance_source(&instances);
@@ -109,11 +127,17 @@ impl Volumes {
         // A client that goes away stops no thread: until it has ended, place and turn are taken.
         let threads = Arc::clone(&self.threads);
         let reading = tokio::task::spawn_blocking(move || {
-            (threads.install(|| read(&source, &limits, &Silent)), place, turn)
+            let mut share = limits.memory.share();
+            let mut admit = |voxels: u64| share.grow(voxels * BYTES_A_VOXEL).map(|()| share.bytes());
+            let read = threads.install(|| read_admitted(&source, &limits, &Silent, &mut admit));
+            (read.map(|(volume, _warnings)| Kept { volume: Arc::new(volume), _share: share }), place, turn)
         });
         let (volume, _place, _turn) = reading.await.map_err(Error::internal)?;
         match volume {
-            Ok((volume, _warnings)) => Ok(Arc::new(volume)),
+            Ok(volume) => Ok(volume),
+            Err(cause) if cause.code() == OUT_OF_MEMORY => {
+                Err(Error::Busy("the memory budget is in use (memory.budget_bytes)"))
+            }
             Err(cause) => {
                 // It was readable once: the instances may have been removed meanwhile.
                 self.store.instances_of(record).await?;

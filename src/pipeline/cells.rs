@@ -2,6 +2,8 @@
 
 use rayon::slice::ParallelSliceMut;
 
+use super::stop::{Asked, Stopped, unless_stopped};
+
 /// Cells in the order z, y, x.
 type Cell = [i64; 3];
 
@@ -19,10 +21,23 @@ pub(super) struct Cells {
 
 impl Cells {
     /// Sorts `points` into cells of edge `edge`, mm.
-    pub(super) fn new(points: &[[f32; 3]], edge: f64) -> Self {
+    ///
+    /// # Errors
+    /// [`Stopped`] if it was told to stop.
+    pub(super) fn new(asked: Asked<'_>, points: &[[f32; 3]], edge: f64) -> Result<Self, Stopped> {
+        unless_stopped(|| Self::sorted(asked, points, edge))
+    }
+
+    fn sorted(asked: Asked<'_>, points: &[[f32; 3]], edge: f64) -> Self {
         let inverse = 1.0 / edge;
         let mut sorted: Vec<(Cell, [f32; 3])> = points.iter().map(|&p| (cell(p, inverse), p)).collect();
-        sorted.par_sort_by_key(|&(cell, _)| cell);
+        asked.ask();
+        // Some points, wherever they are sorted to, ask each time they are compared.
+        sorted.par_sort_by(|a, b| {
+            asked.ask_at(mixed(a.1));
+            a.0.cmp(&b.0)
+        });
+        asked.ask();
         let (cells, points) = sorted.into_iter().unzip();
         Self { inverse, cells, points }
     }
@@ -39,6 +54,13 @@ impl Cells {
             &self.points[start..start + length]
         })
     }
+}
+
+/// A number without a pattern for a place.
+fn mixed(place: [f32; 3]) -> usize {
+    let [x, y, z] = place.map(|v| u64::from(v.to_bits()));
+    let mixed = (x ^ y.rotate_left(21) ^ z.rotate_left(42)).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
+    usize::try_from(mixed).unwrap_or_default()
 }
 
 /// Cells end here; what lies beyond shares the last one.

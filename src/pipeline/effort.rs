@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::observer::{Observer, Silent};
 use super::outcome::PipelineError;
+use super::stop::Asked;
 
 /// The observer is asked once for so many tests of a distance: some 0.1 to 10 ms of one thread.
 const TESTS_BETWEEN_ASKS: u64 = 1 << 16;
@@ -30,6 +31,11 @@ impl<'a> Effort<'a> {
     /// Of one that nothing stops.
     pub(super) fn unbounded() -> Effort<'static> {
         Effort { most: u64::MAX, ..Effort::of(&Silent, "") }
+    }
+
+    /// Whom what has no tests to count asks.
+    pub(super) fn asked(&self) -> Asked<'a> {
+        Asked::of(self.observer)
     }
 
     /// Refuses before it begins what needs at least so many tests.

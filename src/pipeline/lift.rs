@@ -2,6 +2,7 @@
 
 use super::decisions::Decisions;
 use super::slices;
+use super::stop::Asked;
 use crate::cloud::PointCloud;
 use crate::geometry::{Grid, Plane, PlaneSet};
 
@@ -15,10 +16,16 @@ use crate::geometry::{Grid, Plane, PlaneSet};
 /// the other planes.
 #[must_use]
 pub fn lift(decisions: &Decisions, grid: &Grid) -> [PointCloud; 3] {
+    lift_asking(Asked::default(), decisions, grid)
+}
+
+/// The same, asking whether to stop.
+pub(super) fn lift_asking(asked: Asked<'_>, decisions: &Decisions, grid: &Grid) -> [PointCloud; 3] {
     let bounds = Bounds::of_axial(decisions, grid.shape());
     Plane::ALL.map(|plane| {
         let mut cloud = PointCloud::default();
         for (index, contour) in decisions.accepted(plane) {
+            asked.ask();
             for &pixel in contour {
                 let voxel = slices::voxel(grid.shape(), plane, index, pixel);
                 if plane == Plane::Axial || bounds.contain(voxel) {

@@ -45,6 +45,7 @@ mod rejection;
 pub mod rules;
 pub mod slices;
 pub mod statistical_outlier;
+pub(crate) mod stop;
 #[cfg(test)]
 mod tests;
 mod thresholds;

@@ -7,6 +7,7 @@ use super::effort::Effort;
 use super::observer::Observer;
 use super::precise::{BorderPoint, NoSkin, Quality, Stretch};
 use super::rejection::Rejection;
+use super::stop::Stopped;
 use super::unique::unique_within;
 use crate::cloud::PointCloud;
 use crate::geometry::Plane;
@@ -161,6 +162,12 @@ pub enum PipelineError {
     /// The observer asked to stop.
     #[error("cancelled")]
     Cancelled,
+}
+
+impl From<Stopped> for PipelineError {
+    fn from(Stopped: Stopped) -> Self {
+        Self::Cancelled
+    }
 }
 
 impl PipelineError {

@@ -2,11 +2,12 @@
 
 use super::contour::Pixel;
 use super::decisions::{Decisions, decide};
-use super::lift::{lift, outside_axial_box};
+use super::lift::{lift_asking, outside_axial_box};
 use super::observer::{Observer, Stage};
 use super::outcome::{Contours, Figures, PipelineError, Reconstruction, count};
 use super::parameters::Parameters;
-use super::voxel_grid::voxel_grid;
+use super::stop::Asked;
+use super::voxel_grid::voxel_grid_asking;
 use super::{radius_outlier, statistical_outlier};
 use crate::cloud::PointCloud;
 use crate::dicom::Volume;
@@ -24,9 +25,10 @@ pub(super) fn reconstruct(
     let mut decisions = decide(&volume.hu, parameters, observer)?;
 
     enter(observer, Stage::Downsampling)?;
-    let raw = lift(&decisions, &volume.grid);
+    let asked = Asked::of(observer);
+    let raw = lift_asking(asked, &decisions, &volume.grid);
     let thinned = |cloud: &PointCloud| {
-        let thinned = voxel_grid(cloud, parameters.leaf_mm);
+        let thinned = voxel_grid_asking(asked, cloud, parameters.leaf_mm);
         progress(observer, Stage::Downsampling, 0.0).map(|()| thinned)
     };
     let [axial, sagittal, coronal] = &raw;
@@ -43,7 +45,8 @@ pub(super) fn reconstruct(
         quality: None,
     };
     drop(raw);
-    result.triplanar = voxel_grid(&concatenated(&result.uniplanar), parameters.leaf_mm);
+    asked.ask();
+    result.triplanar = voxel_grid_asking(asked, &concatenated(&result.uniplanar), parameters.leaf_mm);
     result.note_merged();
     progress(observer, Stage::Downsampling, 1.0)?;
     let mut result = result.unless_empty("the tests of the slices")?;

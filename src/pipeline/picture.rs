@@ -9,6 +9,7 @@ use super::outcome::{Contours, Reconstruction};
 use super::parameters::Parameters;
 use super::precise::{BorderPoint, StretchReason};
 use super::slices;
+use super::stop::Asked;
 use super::whole_skin::slice_of;
 use crate::dicom::Volume;
 use crate::geometry::{Axis, Plane, norm};
@@ -124,7 +125,12 @@ pub(crate) const COLOURS: [Rgb<u8>; 2 + StretchReason::ALL.len()] = {
 };
 
 /// The marks of each slice of a plane, in the order in which they are drawn.
-pub(crate) fn marks_of_plane(result: &Reconstruction, shape: [usize; 3], plane: Plane) -> Vec<Vec<Mark>> {
+pub(crate) fn marks_of_plane(
+    asked: Asked<'_>,
+    result: &Reconstruction,
+    shape: [usize; 3],
+    plane: Plane,
+) -> Vec<Vec<Mark>> {
     let mut marks = vec![Vec::new(); slices::count(shape, plane)];
     match &result.contours {
         Contours::Pixels(contours) => {
@@ -142,7 +148,8 @@ pub(crate) fn marks_of_plane(result: &Reconstruction, shape: [usize; 3], plane: 
         }
         Contours::Border(border) => {
             let (row_axis, column_axis) = axes(plane);
-            for point in border {
+            for (number, point) in border.iter().enumerate() {
+                asked.ask_at(number);
                 let Some(marks) = slice_of(point, plane).and_then(|index| marks.get_mut(index)) else {
                     continue;
                 };
@@ -154,7 +161,10 @@ pub(crate) fn marks_of_plane(result: &Reconstruction, shape: [usize; 3], plane: 
                 });
             }
             // What was rejected lies over what was not.
-            marks.iter_mut().for_each(|marks| marks.sort_by_key(|mark| mark.kind != 0));
+            for marks in &mut marks {
+                asked.ask();
+                marks.sort_by_key(|mark| mark.kind != 0);
+            }
         }
     }
     marks

@@ -30,10 +30,10 @@ pub fn kept(
     let squared_radius = f64::from(filter.radius_mm) * f64::from(filter.radius_mm);
     // A hair wider than the radius: rounding must not push a point at exactly the radius out of
     // the cells that are searched.
-    let cells = Cells::new(points, f64::from(filter.radius_mm) * (1.0 + 1e-6));
+    let cells = Cells::new(effort.asked(), points, f64::from(filter.radius_mm) * (1.0 + 1e-6))?;
     // Before the first distance is tested, where even the fewest tests would be too many.
     if points.len() as u64 * with_itself as u64 > MOST_TESTS {
-        let at_least = |&point: &[f32; 3]| {
+        let at_least = |&point: &[f32; 3]| -> Result<u64, PipelineError> {
             effort.spend(BISECTIONS)?;
             let around: usize = cells.around(point).map(<[_]>::len).sum();
             Ok(around.min(with_itself) as u64)

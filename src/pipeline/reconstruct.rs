@@ -3,6 +3,7 @@
 use super::observer::Observer;
 use super::outcome::{PipelineError, Reconstruction};
 use super::parameters::{Parameters, Profile};
+use super::stop::unless_stopped;
 use super::{paper, whole_skin};
 use crate::dicom::Volume;
 
@@ -18,8 +19,9 @@ pub fn reconstruct(
     parameters: &Parameters,
     observer: &dyn Observer,
 ) -> Result<Reconstruction, PipelineError> {
-    match parameters.profile {
+    let work = || match parameters.profile {
         Profile::Paper => paper::reconstruct(volume, parameters, observer),
         Profile::Precise => whole_skin::reconstruct(volume, parameters, observer),
-    }
+    };
+    unless_stopped(work)?
 }

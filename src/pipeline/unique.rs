@@ -31,7 +31,7 @@ pub(super) fn unique_within(
         return Ok(vec![true; points.len()]);
     }
     let squared = distance_mm * distance_mm;
-    let cells = Cells::new(axial, f64::from(distance_mm) * (1.0 + 1e-6));
+    let cells = Cells::new(effort.asked(), axial, f64::from(distance_mm) * (1.0 + 1e-6))?;
     let is_near = |a, b| squared_distance(a, b) < squared;
     points
         .par_iter()

@@ -2,6 +2,7 @@
 
 use rayon::slice::ParallelSliceMut;
 
+use super::stop::Asked;
 use crate::cloud::PointCloud;
 use crate::geometry::PlaneSet;
 
@@ -17,6 +18,11 @@ type Cell = [i64; 3];
 /// the number of cells (PCL returns its input where it exceeds 2³¹).
 #[must_use]
 pub fn voxel_grid(cloud: &PointCloud, leaf_mm: f32) -> PointCloud {
+    voxel_grid_asking(Asked::default(), cloud, leaf_mm)
+}
+
+/// The same, asking whether to stop.
+pub(super) fn voxel_grid_asking(asked: Asked<'_>, cloud: &PointCloud, leaf_mm: f32) -> PointCloud {
     let inverse = 1.0 / leaf_mm;
     let floor = |p: [f32; 3]| p.map(|v| (v * inverse).floor());
     let origin = cloud.points.iter().fold([f32::INFINITY; 3], |least, &p| {
@@ -32,10 +38,16 @@ pub fn voxel_grid(cloud: &PointCloud, leaf_mm: f32) -> PointCloud {
         })
         .zip(0..)
         .collect();
-    cells.par_sort_unstable();
+    asked.ask();
+    // Each is compared again and again all through the sort.
+    cells.par_sort_unstable_by(|a, b| {
+        asked.ask_at(a.1);
+        a.cmp(b)
+    });
 
     let mut sampled = PointCloud::default();
     for members in cells.chunk_by(|(a, _), (b, _)| a == b) {
+        asked.ask_at(sampled.len());
         let (centroid, planes) = merged(cloud, members.iter().map(|&(_, index)| index));
         sampled.points.push(centroid);
         sampled.planes.push(planes);

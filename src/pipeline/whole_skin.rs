@@ -9,6 +9,7 @@ use super::parameters::Parameters;
 use super::precise::{self, BorderPoint, NoSkin, QualityLimits, SkinPoint, SliceContour, Stretch};
 use super::rejection::{Reason, Rejection};
 use super::slices;
+use super::stop::Asked;
 use crate::cloud::PointCloud;
 use crate::dicom::Volume;
 use crate::geometry::Plane;
@@ -23,6 +24,7 @@ pub(super) fn reconstruct(
 ) -> Result<Reconstruction, PipelineError> {
     let shape = volume.grid.shape();
     let leaf_mm = f64::from(parameters.leaf_mm);
+    let asked = Asked::of(observer);
     let skin = match precise::reconstruct(volume, leaf_mm, &parameters.quality, observer) {
         Ok(skin) => skin,
         Err(NoSkin::Cancelled) => return Err(PipelineError::Cancelled),
@@ -32,7 +34,7 @@ pub(super) fn reconstruct(
         triplanar: cloud(&skin.points),
         uniplanar: Plane::ALL.map(|plane| cloud(skin.of(plane))),
         figures: Figures { raw: skin.measured, ..Figures::default() },
-        slices: rows(shape, &skin.slices, &skin.border),
+        slices: rows(asked, shape, &skin.slices, &skin.border),
         quality: Some(skin.quality),
         contours: Contours::Border(skin.border),
     };
@@ -69,17 +71,23 @@ fn nothing(shape: [usize; 3]) -> Reconstruction {
         triplanar: PointCloud::default(),
         uniplanar: Default::default(),
         figures: Figures::default(),
-        slices: rows(shape, &[], &[]),
+        slices: rows(Asked::default(), shape, &[], &[]),
         quality: None,
         contours: Contours::Border(Vec::new()),
     }
 }
 
 /// A row for every slice of the volume: axial, then sagittal, then coronal, each by index.
-fn rows(shape: [usize; 3], contours: &[SliceContour], border: &[BorderPoint]) -> Vec<SliceRow> {
+fn rows(
+    asked: Asked<'_>,
+    shape: [usize; 3],
+    contours: &[SliceContour],
+    border: &[BorderPoint],
+) -> Vec<SliceRow> {
     let contours: HashMap<_, _> = contours.iter().map(|c| ((c.plane, c.index), c)).collect();
     let mut crossings: HashMap<(Plane, usize), usize> = HashMap::new();
-    for point in border {
+    for (number, point) in border.iter().enumerate() {
+        asked.ask_at(number);
         for plane in Plane::ALL {
             if let Some(index) = slice_of(point, plane) {
                 *crossings.entry((plane, index)).or_default() += 1;
@@ -152,7 +160,7 @@ mod tests {
         ];
         // On a line along x, at z 1 and y 0: in the axial and in the coronal slice.
         let point = BorderPoint { index: [1.0, 0.0, 2.4], axis: 2, reason: None };
-        let rows = rows([2, 3, 4], &contours, &[point]);
+        let rows = rows(Asked::default(), [2, 3, 4], &contours, &[point]);
         let at = |plane, index| {
             rows.iter().find(|row| (row.plane, row.index) == (plane, index)).expect("a row for every slice")
         };

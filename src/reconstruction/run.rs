@@ -6,6 +6,7 @@ use crate::dicom::Volume;
 use crate::dicom::series::{self, ReadLimits, Warning};
 use crate::dicom::source::InstanceSource;
 use crate::geometry::{Frame, Plane};
+use crate::pipeline::stop::{Asked, unless_stopped};
 use crate::pipeline::{self, Observer, Parameters, PipelineError, Reconstruction, Stage};
 
 /// Reconstructs the instances of one series.
@@ -45,21 +46,43 @@ fn reconstructed(
 ) -> Result<Product, Failure> {
     // Given back when the result is made.
     let mut memory = limits.memory.share();
-    let mut admit = |voxels: u64| memory.grow(voxels.saturating_mul(parameters.profile.bytes_a_voxel()));
+    let pictures_bytes = if with_pictures { pictures::MOST_BYTES as u64 } else { 0 };
+    let mut admit = |voxels: u64| {
+        let bytes = voxels.saturating_mul(parameters.profile.bytes_a_voxel());
+        memory.grow(bytes.saturating_add(pictures_bytes)).map(|()| memory.bytes())
+    };
     let (volume, warnings) =
         series::read_admitted(source, limits, observer, &mut admit).map_err(Failure::from_series)?;
     let reconstruction = pipeline::reconstruct(&volume, parameters, observer)
         .map_err(|error| from_pipeline(error, &volume, parameters, &warnings, with_pictures))?;
     observer.progress(Stage::Writing, 0.0);
-    let pictures = drawn_from(&volume, &reconstruction, with_pictures);
+    let asked = Asked::of(observer);
+    let made = || product(asked, &volume, parameters, &reconstruction, warnings, with_pictures);
+    unless_stopped(made).map_err(|_stopped| Failure::cancelled())
+}
+
+/// What is stored of a reconstruction.
+fn product(
+    asked: Asked<'_>,
+    volume: &Volume,
+    parameters: &Parameters,
+    reconstruction: &Reconstruction,
+    warnings: Vec<Warning>,
+    with_pictures: bool,
+) -> Product {
+    let pictures = drawn_from(asked, volume, reconstruction, with_pictures);
+    asked.ask();
     let report = Report {
         quality: reconstruction.quality.clone(),
         warnings,
-        ..Report::new(&volume, parameters, &reconstruction.figures, &reconstruction.slices)
+        ..Report::new(volume, parameters, &reconstruction.figures, &reconstruction.slices)
     };
     let stored = |plane: Option<Plane>, cloud: &PointCloud| {
-        let metadata = metadata(&volume, parameters, plane);
-        (plane, cloud::encode(cloud, &metadata, Format::PlyBinary, Frame::Lps))
+        let metadata = metadata(volume, parameters, plane);
+        let encoded = cloud::encode_asking(cloud, &metadata, Format::PlyBinary, Frame::Lps, |vertex| {
+            asked.ask_at(vertex);
+        });
+        (plane, encoded)
     };
     let [axial, sagittal, coronal] = &reconstruction.uniplanar;
     let clouds = [
@@ -68,12 +91,17 @@ fn reconstructed(
         stored(Some(Plane::Sagittal), sagittal),
         stored(Some(Plane::Coronal), coronal),
     ];
-    Ok(Product { clouds, report, pictures })
+    Product { clouds, report, pictures }
 }
 
 /// What pictures are drawn from. Nothing is written but to memory: there is nothing to fail.
-fn drawn_from(volume: &Volume, reconstruction: &Reconstruction, wanted: bool) -> Option<Vec<u8>> {
-    wanted.then(|| pictures::write(volume, reconstruction).expect("memory can be written"))
+fn drawn_from(
+    asked: Asked<'_>,
+    volume: &Volume,
+    reconstruction: &Reconstruction,
+    wanted: bool,
+) -> Option<Vec<u8>> {
+    wanted.then(|| pictures::write(asked, volume, reconstruction).expect("memory can be written"))
 }
 
 fn metadata(volume: &Volume, parameters: &Parameters, plane: Option<Plane>) -> Metadata {
@@ -104,7 +132,7 @@ fn from_pipeline(
                 warnings: warnings.to_vec(),
                 ..Report::new(volume, parameters, &partial.figures, &partial.slices)
             };
-            let pictures = drawn_from(volume, &partial, with_pictures);
+            let pictures = drawn_from(Asked::default(), volume, &partial, with_pictures);
             Failure { pictures, ..Failure::without_cloud(code, detail, report) }
         }
     }

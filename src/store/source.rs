@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::blobs::Blobs;
 use super::records::InstanceRecord;
-use super::verify::is_whole;
+use super::verify::{interrupted, is_whole_unless, read_unless};
 use crate::dicom::source::InstanceSource;
 use crate::dicom::uid::SopInstanceUid;
 use crate::error::Error;
@@ -101,10 +101,16 @@ impl InstanceSource for StoredInstances {
     }
 
     fn read(&self, index: usize) -> io::Result<Vec<u8>> {
+        self.read_unless(index, &|| false)
+    }
+
+    fn read_unless(&self, index: usize, stopped: &dyn Fn() -> bool) -> io::Result<Vec<u8>> {
         let row = self.rows.get(index).ok_or(io::ErrorKind::NotFound)?;
         let uid = &row.header.sop_instance_uid;
-        match self.blobs.read(&row.blob) {
-            Ok(bytes) if is_whole(row, &bytes) => Ok(bytes),
+        match self.blobs.open(&row.blob).and_then(|blob| read_unless(blob, row.size, stopped)) {
+            Ok(bytes) if is_whole_unless(row, &bytes, stopped) => Ok(bytes),
+            Ok(_) if stopped() => Err(interrupted()),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => Err(error),
             Ok(_) => {
                 self.found().damaged.insert(uid.clone(), false);
                 Err(io::Error::new(io::ErrorKind::InvalidData, "its bytes are not what was received"))

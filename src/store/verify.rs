@@ -1,5 +1,7 @@
 //! Whether the blob of an instance is what was acknowledged.
 
+use std::io::{self, Read};
+
 use sha2::{Digest as _, Sha256};
 
 use super::records::InstanceRecord;
@@ -24,7 +26,21 @@ pub(super) struct Acknowledged<'a> {
 
 /// SHA-256 of the data set of a Part 10 file that we wrote; `None` if it has not our header.
 pub(super) fn fingerprint(file: &[u8]) -> Option<[u8; 32]> {
-    Some(Sha256::digest(data_set(file)?).into())
+    fingerprint_unless(file, &|| false)
+}
+
+/// Bytes that are hashed in some 10 ms.
+const PIECE: usize = 4 << 20;
+
+fn fingerprint_unless(file: &[u8], stopped: &dyn Fn() -> bool) -> Option<[u8; 32]> {
+    let mut hash = Sha256::new();
+    for piece in data_set(file)?.chunks(PIECE) {
+        if stopped() {
+            return None;
+        }
+        hash.update(piece);
+    }
+    Some(hash.finalize().into())
 }
 
 /// Hash of the data set that was stored first, where the file has a corrected one.
@@ -39,8 +55,13 @@ pub(super) fn data_set(file: &[u8]) -> Option<&[u8]> {
 
 /// Whether the file is the one that the row tells of.
 pub(super) fn is_whole(row: &InstanceRecord, file: &[u8]) -> bool {
+    is_whole_unless(row, file, &|| false)
+}
+
+/// The same; false too if it is `stopped` before that is known.
+pub(super) fn is_whole_unless(row: &InstanceRecord, file: &[u8], stopped: &dyn Fn() -> bool) -> bool {
     let header = &row.header;
-    is_acknowledged(
+    is_acknowledged_unless(
         &Acknowledged {
             sop_class: &header.sop_class_uid,
             sop_instance: &header.sop_instance_uid,
@@ -49,12 +70,34 @@ pub(super) fn is_whole(row: &InstanceRecord, file: &[u8]) -> bool {
             data_set_sha256: row.data_set_sha256,
         },
         file,
+        stopped,
     )
 }
 
 /// Whether the file is what was acknowledged.
 pub(super) fn is_acknowledged(what: &Acknowledged<'_>, file: &[u8]) -> bool {
-    file.len() as u64 == what.size && fingerprint(file) == Some(what.data_set_sha256) && names(what, file)
+    is_acknowledged_unless(what, file, &|| false)
+}
+
+fn is_acknowledged_unless(what: &Acknowledged<'_>, file: &[u8], stopped: &dyn Fn() -> bool) -> bool {
+    file.len() as u64 == what.size
+        && fingerprint_unless(file, stopped) == Some(what.data_set_sha256)
+        && names(what, file)
+}
+
+/// The bytes of a blob, piece by piece; [`io::ErrorKind::Interrupted`] once it is `stopped`.
+pub(super) fn read_unless(mut blob: impl Read, size: u64, stopped: &dyn Fn() -> bool) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::with_capacity(usize::try_from(size).map_err(io::Error::other)?);
+    while blob.by_ref().take(PIECE as u64).read_to_end(&mut bytes)? > 0 {
+        if stopped() {
+            return Err(interrupted());
+        }
+    }
+    Ok(bytes)
+}
+
+pub(super) fn interrupted() -> io::Error {
+    io::Error::new(io::ErrorKind::Interrupted, "stopped")
 }
 
 /// Whether the file's header names the SOP class, instance and transfer syntax. What follows them

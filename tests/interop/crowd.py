@@ -189,7 +189,13 @@ def waiting_reconstruction(service, slices):
     service.stop()
     catalog = sqlite3.connect(os.path.join(service.folder, "data", "catalog.sqlite"))
     later = int((time.time() + 3600) * 1000)
-    catalog.execute("UPDATE reconstructions SET not_before_ms = ? WHERE state = 'queued'", (later,))
+    # It may have begun, and even ended, before the service stopped. A wait that is longer than it was
+    # meant to be would count as that of a clock set back.
+    catalog.execute(
+        "UPDATE reconstructions SET state = 'queued', not_before_ms = ?, wait_ms = 3600000, worker = NULL,"
+        " lease_until_ms = NULL",
+        (later,),
+    )
     catalog.commit()
     catalog.close()
     service.start()

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::support::dimse::Listener;
 use crate::support::scu::{
-    COMMAND, CT, DATA_PART, EXPLICIT, IMPLICIT, Request, Scu, VERIFICATION, c_echo, c_store, pdu, pdv,
+    COMMAND, CT, DATA, DATA_PART, EXPLICIT, IMPLICIT, Request, Scu, VERIFICATION, c_echo, c_store, pdu, pdv,
 };
 
 fn verification() -> Request {
@@ -100,4 +100,33 @@ fn who_drips_a_message_is_ended_and_who_pauses_between_messages_is_not() {
         assert_eq!(patient.response().status(), 0);
     }
     patient.release();
+}
+
+#[test]
+fn the_longest_idle_association_of_the_most_crowded_address_gives_way_and_none_within_a_message() {
+    let listener = Listener::start(|config| {
+        config.dimse.max_associations = 4;
+        config.dimse.gives_way_after = Duration::from_millis(200);
+    });
+    // Alone from its address, and idle longest of all.
+    let mut quiet = connect_from(&listener, 1);
+    accepted(&mut quiet);
+    let mut crowd: Vec<_> = (0..3).map(|_| connect_from(&listener, 2)).collect();
+    crowd.iter_mut().for_each(accepted);
+    crowd[0].send_pdvs(&[pdv(3, COMMAND, &c_store(1, CT, "1.2.3"))]);
+    std::thread::sleep(Duration::from_millis(500));
+    // It worked after the last one did.
+    crowd[1].expect_echo(1, 1);
+    let mut fresh = connect_from(&listener, 3);
+    accepted(&mut fresh);
+    // A-ABORT by the service user.
+    let (kind, body) = crowd[2].receive().expect("a word before the end");
+    assert_eq!((kind, body[2]), (0x07, 0));
+    assert_eq!(crowd[2].receive(), None);
+    listener.await_metric(r#"triplanar_associations_failed_total{reason="gave_way"} 1"#);
+    for scu in [&mut quiet, &mut crowd[1], &mut fresh] {
+        scu.expect_echo(1, 2);
+    }
+    crowd[0].send_pdvs(&[pdv(3, DATA, &[0; 8])]);
+    assert_ne!(crowd[0].response().status(), 0, "what it sent is no instance, but it is answered");
 }

@@ -5,7 +5,7 @@ use std::io::Write;
 
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
-use triplanar::dicom::series::{ReadLimits, read};
+use triplanar::dicom::series::{ReadLimits, read, read_admitted};
 use triplanar::memory::Memory;
 use triplanar::phantom::{Options, Phantom};
 use triplanar::pipeline::{Parameters, Silent};
@@ -88,4 +88,17 @@ fn deflated_slices_that_do_not_fit_beside_each_other_are_read_one_after_the_othe
     assert_eq!(refused.code(), "too_large_for_memory");
     assert!(refused.to_string().contains("memory.budget_bytes"), "{refused}");
     assert_eq!(small.used(), 0);
+}
+
+#[test]
+fn a_slice_that_never_fits_beside_its_own_volume_is_refused_for_good() {
+    let swollen = swollen();
+    // A slice needs at least 24 MiB of the 48, and fits alone; the volume that it is read into keeps 30.
+    let memory = Memory::new(48 * MIB);
+    let mut volume = memory.share();
+    let mut admit = |_voxels| volume.grow(30 * MIB).map(|()| volume.bytes());
+    let refused = read_admitted(&swollen, &limits(&memory), &Silent, &mut admit).unwrap_err();
+    assert_eq!(refused.code(), "too_large_for_memory");
+    let told = refused.to_string();
+    assert!(told.contains("memory.budget_bytes") && told.contains(&(48 * MIB).to_string()), "{told}");
 }

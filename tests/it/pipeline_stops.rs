@@ -83,6 +83,11 @@ fn a_reconstruction_stops_wherever_it_is_asked_to() {
                 matches!(ended, Err(PipelineError::Cancelled)),
                 "{profile:?} asked to stop at {at} of {asks}"
             );
+            let after = stop.asks() - at;
+            assert!(
+                after <= 32 * THREADS,
+                "{profile:?}: {after} asks after the one that said stop ({at} of {asks})"
+            );
         }
     }
 }

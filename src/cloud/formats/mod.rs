@@ -179,11 +179,23 @@ impl std::str::FromStr for Format {
 /// If the cloud's lists differ in length (a mistake of the caller).
 #[must_use]
 pub fn encode(cloud: &PointCloud, metadata: &Metadata, format: Format, frame: Frame) -> Vec<u8> {
+    encode_asking(cloud, metadata, format, frame, |_| ())
+}
+
+/// The same, telling the number of each vertex before it is written.
+pub(crate) fn encode_asking(
+    cloud: &PointCloud,
+    metadata: &Metadata,
+    format: Format,
+    frame: Frame,
+    before: impl Fn(usize),
+) -> Vec<u8> {
     assert!(cloud.is_consistent(), "each list of the cloud has an entry for each point");
     let (writer, layout) = (format.row().writer, Layout::of(cloud));
     let mut out = (writer.header)(cloud.len(), layout, metadata, frame);
     out.reserve(cloud.len() * (writer.vertex_bytes)(layout).unwrap_or_default());
     for i in 0..cloud.len() {
+        before(i);
         (writer.vertex)(&Vertex::of(cloud, i), frame, &mut out);
     }
     out

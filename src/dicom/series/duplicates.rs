@@ -6,6 +6,7 @@ use crate::dicom::dataset::DataSet;
 use crate::dicom::pixels::Frames;
 use crate::dicom::source::InstanceSource;
 use crate::geometry::{Vec3, norm, sub};
+use crate::pipeline::Observer;
 
 /// Positions of the same slice agree to this, mm.
 const SAME_PLACE: f64 = 1e-3;
@@ -17,6 +18,7 @@ pub(super) fn remove(
     slices: &mut Vec<Slice>,
     normal: Vec3,
     limits: &ReadLimits,
+    observer: &dyn Observer,
     warnings: &mut Vec<Warning>,
 ) -> Result<(), SeriesError> {
     let groups = stack::at_one_position(slices, normal);
@@ -28,7 +30,7 @@ pub(super) fn remove(
         let slices = &slices[group.clone()];
         let mut first = None;
         for slice in slices {
-            let values = content(source, slice, limits)?;
+            let values = content(source, slice, limits, observer)?;
             let is_same = first.as_ref().is_none_or(|(place, rescale, pixels)| {
                 norm(sub(*place, slice.geometry().position)) < SAME_PLACE
                     && *rescale == slice.frame.rescale
@@ -59,12 +61,24 @@ pub(super) fn remove(
     Ok(())
 }
 
-fn content(source: &dyn InstanceSource, slice: &Slice, limits: &ReadLimits) -> Result<Vec<i32>, SeriesError> {
+fn content(
+    source: &dyn InstanceSource,
+    slice: &Slice,
+    limits: &ReadLimits,
+    observer: &dyn Observer,
+) -> Result<Vec<i32>, SeriesError> {
     let name = || vec![slice.sop_instance_uid.clone()];
-    let bytes = source.read(slice.source).map_err(|error| super::unreadable(&error, name()))?;
-    let mut memory = limits.memory.share();
-    let data_set = DataSet::open_within(&bytes, &limits.scan, &mut memory, &|| false);
-    let data_set = data_set.map_err(|error| super::unscannable(error, name()))?;
+    let stopped = || observer.cancelled();
+    if stopped() {
+        return Err(super::cancelled());
+    }
+    let pixels = slice.matrix.map_or(0, |(rows, columns)| u64::from(rows) * u64::from(columns));
+    let need = source.size(slice.source).unwrap_or_default() + pixels * super::voxels::BYTES_A_PIXEL;
+    let mut memory = limits.memory.take(need).map_err(|none| super::no_memory(none, name()))?;
+    let bytes = source.read_unless(slice.source, &stopped);
+    let bytes = bytes.map_err(|error| super::unreadable(&error, name()))?;
+    let data_set = DataSet::open_within(&bytes, &limits.scan, &mut memory, &stopped);
+    let data_set = data_set.map_err(|error| super::unscannable(error, 0, name()))?;
     let frames = Frames::of(&data_set).map_err(|error| super::voxels::undecodable(&error, name()))?;
     let stored = frames.stored(slice.frame_index);
     stored.map(|stored| stored.values).map_err(|error| super::voxels::undecodable(&error, name()))

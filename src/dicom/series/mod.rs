@@ -69,10 +69,11 @@ pub fn read(
     limits: &ReadLimits,
     observer: &dyn Observer,
 ) -> Result<(Volume, Vec<Warning>), SeriesError> {
-    read_admitted(source, limits, observer, &mut |_| Ok(()))
+    read_admitted(source, limits, observer, &mut |_| Ok(0))
 }
 
-/// The same, with the volume admitted by its number of voxels before memory is taken for it.
+/// The same, with the volume admitted by its number of voxels before memory is taken for it; `admit` tells
+/// how many bytes of the budget the caller then holds.
 ///
 /// # Errors
 /// As for [`read`]; `too_large_for_memory` and `out_of_memory_budget` where `admit` or decoding finds
@@ -81,7 +82,7 @@ pub fn read_admitted(
     source: &dyn InstanceSource,
     limits: &ReadLimits,
     observer: &dyn Observer,
-    admit: &mut dyn FnMut(u64) -> Result<(), NoMemory>,
+    admit: &mut dyn FnMut(u64) -> Result<u64, NoMemory>,
 ) -> Result<(Volume, Vec<Warning>), SeriesError> {
     observer.progress(Stage::Reading, 0.0);
     let mut warnings = Vec::new();
@@ -97,7 +98,7 @@ pub fn read_admitted(
         return Err(too_few(&slices, limits));
     };
     stack::sort(&mut slices, normal);
-    duplicates::remove(source, &mut slices, normal, limits, &mut warnings)?;
+    duplicates::remove(source, &mut slices, normal, limits, observer, &mut warnings)?;
     line::straight(&slices, normal)?;
     stack::missing(&slices, normal, &ignored)?;
     stack::unusable(&slices, normal, &ignored)?;
@@ -122,14 +123,24 @@ pub fn read_admitted(
         stack::warn_of_descending(&slices, &mut warnings);
     }
     let (rows, columns) = slices[0].matrix.map_or((0, 0), |(r, c)| (usize::from(r), usize::from(c)));
-    admit(slices.len() as u64 * rows as u64 * columns as u64).map_err(|none| no_memory(none, Vec::new()))?;
-    let (hu, findings) = voxels::read(source, &slices, orientation, limits, observer, &mut warnings)?;
+    let held = admit(slices.len() as u64 * rows as u64 * columns as u64);
+    let held = held.map_err(|none| no_memory(none, Vec::new()))?;
+    let decoding = Decoding { limits, held, observer };
+    let (hu, findings) = voxels::read(source, &slices, orientation, &decoding, &mut warnings)?;
     let doubtful_slices = coherence::tell(&findings, &slices, &mut warnings)?;
     let grid = orient::grid(&slices, orientation, rows, columns).ok_or_else(|| too_few(&slices, limits))?;
     let identity = identity(&instances, &slices)?;
     warnings.sort_by_key(|warning| warning.code);
     let sop_instance_uids = slices.into_iter().map(|slice| slice.sop_instance_uid).collect();
     Ok((Volume { hu, grid, sop_instance_uids, doubtful_slices, identity }, warnings))
+}
+
+/// What decoding keeps to.
+struct Decoding<'a> {
+    limits: &'a ReadLimits,
+    /// Bytes of the budget that are held as long as it lasts.
+    held: u64,
+    observer: &'a dyn Observer,
 }
 
 /// The attributes of all instances, in the order of the source.
@@ -144,9 +155,10 @@ fn attributes(
         }
         let mut memory = limits.memory.take(source.size(index).unwrap_or_default());
         let memory = memory.as_mut().map_err(|none| no_memory(*none, Vec::new()))?;
-        let bytes = source.read(index).map_err(|error| unreadable(&error, Vec::new()))?;
+        let bytes = source.read_unless(index, &|| observer.cancelled());
+        let bytes = bytes.map_err(|error| unreadable(&error, Vec::new()))?;
         let data_set = DataSet::open_within(&bytes, &limits.scan, memory, &|| observer.cancelled());
-        let data_set = data_set.map_err(|error| unscannable(error, Vec::new()))?;
+        let data_set = data_set.map_err(|error| unscannable(error, 0, Vec::new()))?;
         Instance::of(&data_set).ok_or_else(|| {
             SeriesError::new("malformed", "an instance has no valid SOPInstanceUID (0008,0018)", Vec::new())
         })
@@ -188,6 +200,9 @@ fn cancelled() -> SeriesError {
 }
 
 fn unreadable(error: &std::io::Error, instances: Vec<SopInstanceUid>) -> SeriesError {
+    if error.kind() == std::io::ErrorKind::Interrupted {
+        return cancelled();
+    }
     SeriesError::new("unreadable", format!("an instance can't be read from storage: {error}"), instances)
 }
 
@@ -201,9 +216,9 @@ fn no_memory(none: NoMemory, instances: Vec<SopInstanceUid>) -> SeriesError {
     SeriesError::new(OUT_OF_MEMORY, detail, instances)
 }
 
-fn unscannable(error: ScanError, instances: Vec<SopInstanceUid>) -> SeriesError {
+fn unscannable(error: ScanError, held: u64, instances: Vec<SopInstanceUid>) -> SeriesError {
     let code = match &error {
-        ScanError::NoMemory(none) => return no_memory(*none, instances),
+        ScanError::NoMemory(none) => return no_memory(none.beside(held), instances),
         ScanError::Stopped => return cancelled(),
         ScanError::UnsupportedTransferSyntax(_) => "unsupported_transfer_syntax",
         ScanError::InflatesTooMuch { .. } => "too_large",

@@ -12,7 +12,7 @@ use super::coherence::{self, Finding, Stack};
 use super::frame::{Geometry, Rescale};
 use super::orient::Orientation;
 use super::slice::Slice;
-use super::{ReadLimits, SeriesError, Warning, WarningCode};
+use super::{Decoding, SeriesError, Warning, WarningCode};
 use crate::dicom::dataset::DataSet;
 use crate::dicom::pixels::{Frames, PixelError};
 use crate::dicom::source::InstanceSource;
@@ -25,7 +25,7 @@ const PADDING_HU: i16 = -1024;
 const TISSUE_HU: f64 = -500.0;
 
 /// While a frame is decoded, for each of its pixels: 4 of the codec's, 2 of its output, 4 of the values.
-const BYTES_A_PIXEL: u64 = 10;
+pub(super) const BYTES_A_PIXEL: u64 = 10;
 
 /// A slice and the part of the array that is its own.
 struct Place<'a> {
@@ -57,8 +57,7 @@ pub(super) fn read(
     source: &dyn InstanceSource,
     slices: &[Slice],
     orientation: Orientation,
-    limits: &ReadLimits,
-    observer: &dyn Observer,
+    decoding: &Decoding<'_>,
     warnings: &mut Vec<Warning>,
 ) -> Result<(Array3<i16>, Vec<Finding>), SeriesError> {
     let (rows, columns) = slices.first().and_then(|slice| slice.matrix).unwrap_or((0, 0));
@@ -73,9 +72,8 @@ pub(super) fn read(
     let mut places: Vec<Place<'_>> = slices.iter().zip(parts).enumerate().map(place).collect();
     places.sort_by_key(|place| place.slice.source);
     let mut by_instance: Vec<_> = places.chunk_by_mut(|a, b| a.slice.source == b.slice.source).collect();
-    let decode = |places: &mut &mut [Place<'_>]| {
-        instance(source, places, &layout, limits, &counts, slices.len(), observer)
-    };
+    let decode =
+        |places: &mut &mut [Place<'_>]| instance(source, places, &layout, decoding, &counts, slices.len());
     let results: Vec<Result<(), SeriesError>> = by_instance.par_iter_mut().map(decode).collect();
     // The first in the order of the source, not in the order in which threads came to it; and one after
     // the other, those for which there was no memory beside the others.
@@ -84,7 +82,7 @@ pub(super) fn read(
     }
 
     let off_their_ends: Vec<(usize, u32)> = places.iter().map(|place| (place.z, place.off_its_end)).collect();
-
+    let observer = decoding.observer;
     let tissue = counts.tissue.into_inner();
     let mut padding = "pixels are marked as padding and were set to air".to_owned();
     if tissue > 0 {
@@ -111,7 +109,8 @@ pub(super) fn read(
     if observer.cancelled() {
         return Err(super::cancelled());
     }
-    Ok((layout.volume(voxels, slices.len()), findings))
+    let hu = layout.volume(voxels, slices.len(), observer).ok_or_else(super::cancelled)?;
+    Ok((hu, findings))
 }
 
 /// Decodes the frames of one instance.
@@ -119,10 +118,9 @@ fn instance(
     source: &dyn InstanceSource,
     places: &mut [Place<'_>],
     layout: &Layout,
-    limits: &ReadLimits,
+    &Decoding { limits, held, observer }: &Decoding<'_>,
     counts: &Counts,
     total: usize,
-    observer: &dyn Observer,
 ) -> Result<(), SeriesError> {
     let Some(Place { slice: first, .. }) = places.first() else { return Ok(()) };
     let first: &Slice = first;
@@ -132,10 +130,13 @@ fn instance(
     let pixels = places.iter().map(|place| place.hu.len() as u64).max().unwrap_or_default();
     let frames_at_a_time = places.len().min(rayon::current_num_threads()) as u64;
     let need = source.size(source_index).unwrap_or_default() + pixels * frames_at_a_time * BYTES_A_PIXEL;
-    let mut memory = limits.memory.take(need).map_err(|none| super::no_memory(none, name()))?;
-    let bytes = source.read(source_index).map_err(|error| super::unreadable(&error, name()))?;
+    let memory = limits.memory.take(need);
+    let mut memory = memory.map_err(|none| super::no_memory(none.beside(held), name()))?;
+    let bytes = source
+        .read_unless(source_index, &|| observer.cancelled())
+        .map_err(|error| super::unreadable(&error, name()))?;
     let data_set = DataSet::open_within(&bytes, &limits.scan, &mut memory, &|| observer.cancelled());
-    let data_set = data_set.map_err(|error| super::unscannable(error, name()))?;
+    let data_set = data_set.map_err(|error| super::unscannable(error, held, name()))?;
     let frames = Frames::of(&data_set).map_err(|error| undecodable(&error, name()))?;
     counts.trailing.fetch_add(u64::from(frames.surplus > 0), Ordering::Relaxed);
     let padding = Padding::of(&data_set, frames.format.signed);
@@ -269,17 +270,26 @@ impl Layout {
         }
     }
 
-    /// The whole array in the order of the volume, `count` slices one after another in `voxels`.
-    fn volume(&self, voxels: Vec<i16>, count: usize) -> Array3<i16> {
+    /// The whole array in the order of the volume, `count` slices one after another in `voxels`; `None` if
+    /// the observer asked to stop.
+    fn volume(&self, voxels: Vec<i16>, count: usize, observer: &dyn Observer) -> Option<Array3<i16>> {
         let (slower, faster) =
             if self.rows_are_slower { (self.rows, self.columns) } else { (self.columns, self.rows) };
         let by_slice =
             Array3::from_shape_vec((count, slower, faster), voxels).expect("as many voxels as slices have");
-        match self.orientation.slices.axis {
-            Axis::Z => by_slice,
+        let other = match self.orientation.slices.axis {
+            Axis::Z => return Some(by_slice),
             // [y][z][x] and [x][z][y].
-            Axis::Y => by_slice.permuted_axes([1, 0, 2]).as_standard_layout().into_owned(),
-            Axis::X => by_slice.permuted_axes([1, 2, 0]).as_standard_layout().into_owned(),
+            Axis::Y => by_slice.permuted_axes([1, 0, 2]),
+            Axis::X => by_slice.permuted_axes([1, 2, 0]),
+        };
+        let mut hu = Array3::zeros(other.dim());
+        for (mut to, from) in hu.outer_iter_mut().zip(other.outer_iter()) {
+            if observer.cancelled() {
+                return None;
+            }
+            to.assign(&from);
         }
+        Some(hu)
     }
 }

@@ -43,6 +43,7 @@ const CSV: &str = "text/csv";
         (status = 406, description = "Neither JSON nor CSV is accepted."),
         (status = 409, description = "The reconstruction has no report (yet)."),
         (status = 416, description = "The range lies outside."),
+        (status = 503, description = "The memory budget is in use: try again after Retry-After."),
         (status = 500, description = "The stored result is damaged (`result-damaged`): ask for the same reconstruction again to have it made again."),
     ),
 )]
@@ -89,6 +90,7 @@ pub(in crate::http) struct RevisionQuery {
         (status = 406, description = "Neither JSON nor CSV is accepted."),
         (status = 409, description = "The series has no cloud (yet), or none of its latest revision."),
         (status = 416, description = "The range lies outside."),
+        (status = 503, description = "The memory budget is in use: try again after Retry-After."),
         (status = 500, description = "The stored result is damaged (`result-damaged`): ask for the same reconstruction again to have it made again."),
     ),
 )]
@@ -102,6 +104,10 @@ pub(in crate::http) async fn latest_report(
     let record = clinical(&context, &uid, query.revision).await?;
     serve(&context, record, method, headers).await
 }
+
+/// What each byte of a stored report takes while it is read and written again: itself, the rows, the answer
+/// and its coding.
+const BYTES_A_BYTE: u64 = 6;
 
 async fn serve(
     context: &Context,
@@ -119,9 +125,11 @@ async fn serve(
     }
     let about = About::of(context, &record, &format!("/v1/reconstructions/{}/report", record.id)).await?;
     let stored = readable(context, context.store.report(record.id).await)?;
+    let share = context.memory.take(stored.len() as u64 * BYTES_A_BYTE)?;
     // What was refused after the reconstruction had ended belongs to its report too.
     let refused = refused_instances(context.store.refused(&record.series_instance_uid).await?);
     let response = off_the_runtime(move || {
+        let _until_it_is_written = share;
         let mut report = report_json::read(&stored).map_err(|why| Error::Unreadable {
             what: "the report of reconstruction",
             id: record.id.to_string(),

@@ -17,7 +17,7 @@ use crate::http::about::About;
 use crate::http::extract::SlicePath;
 use crate::http::representation::Representation;
 use crate::pipeline::{Profile, border_picture, picture};
-use crate::reconstruction::pictures::Pictures;
+use crate::reconstruction::pictures::{self, Pictures};
 use crate::render::caption;
 use crate::store::{ReconstructionId, ReconstructionRecord};
 
@@ -71,6 +71,7 @@ struct Decision {
         (status = 409, description = "The reconstruction has no report (yet), so its slices are not known."),
         (status = 410, description = "A result of 0.1 whose source instances are no longer stored."),
         (status = 416, description = "The range lies outside."),
+        (status = 503, description = "The memory budget is in use: try again after Retry-After."),
     ),
 )]
 pub(in crate::http) async fn slice_picture(
@@ -124,8 +125,10 @@ async fn stored(
     index: usize,
 ) -> Result<Option<RgbImage>> {
     let id = record.id;
+    let share = context.memory.take(PICTURES_BYTES)?;
     let file = readable(context, context.store.pictures(id).await)?;
     off_the_runtime(move || {
+        let _until_it_is_drawn = share;
         let drawn = Pictures::open(&file).and_then(|pictures| pictures.slice(plane, index));
         drawn.map_err(|why| Error::Unreadable {
             what: "the pictures of reconstruction",
@@ -163,6 +166,9 @@ async fn again(
     })
     .await
 }
+
+/// What a stored picture takes while it is drawn: its file, and a slice.
+const PICTURES_BYTES: u64 = pictures::MOST_BYTES as u64 + (4 << 20);
 
 /// `72.png` → 72.
 fn slice_index(picture: &str) -> Option<usize> {

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::crossings::Crossing;
 use super::cubes::Cubes;
 use crate::geometry::{Vec3, add, cross, dot, normalised, scale, sub};
+use crate::pipeline::stop::Asked;
 
 /// How far around a point its neighbours are taken, mm.
 const REACH_MM: f64 = 2.0;
@@ -53,15 +54,15 @@ pub(super) struct Neighbourhood<'a> {
 
 impl<'a> Neighbourhood<'a> {
     /// Sorts the crossings into cubes.
-    pub(super) fn of(crossings: &'a [Crossing]) -> Self {
-        let cubes = Cubes::of(crossings.par_iter().map(|c| c.place), REACH_MM);
+    pub(super) fn of(asked: Asked<'_>, crossings: &'a [Crossing]) -> Self {
+        let cubes = Cubes::of(asked, crossings.par_iter().map(|c| c.place), REACH_MM);
         let member = |(_, i): &(u64, u32)| {
             let c = &crossings[*i as usize];
             let ([x, y, z], [nx, ny, nz]) = (c.place, c.normal);
             [x, y, z, nx, ny, nz].map(|v| v as f32)
         };
         let members = cubes.sorted().par_iter().map(member).collect();
-        Self { crossings, around: cubes.around(), cubes, members }
+        Self { crossings, around: cubes.around(asked), cubes, members }
     }
 
     /// What the neighbours of a crossing say about it: the height of the common surface over its

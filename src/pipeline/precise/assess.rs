@@ -36,12 +36,14 @@ impl Areas {
     ) -> Self {
         let mut areas = Self::default();
         let side = |p: Vec3| (p[2] >= head.lower_end).then(|| Side::of(p, head.middle) as usize);
-        for c in measured {
+        for (i, c) in measured.iter().enumerate() {
+            space.ask_at(i);
             if let Some(side) = side(c.place) {
                 areas.accepted[side] += share_of_skin(space, c.axis, c.normal);
             }
         }
-        for d in doubtful {
+        for (i, d) in doubtful.iter().enumerate() {
+            space.ask_at(i);
             // A canal is no skin, and a foreign body's border none of the patient's.
             if !matches!(d.reason, StretchReason::Foreign | StretchReason::Canal)
                 && let Some(side) = side(d.place)
@@ -49,18 +51,19 @@ impl Areas {
                 areas.missing[side][d.reason as usize] += share_of_skin(space, d.axis, d.normal);
             }
         }
-        areas.add_contact(patient, side);
+        areas.add_contact(space, patient, side);
         areas
     }
 
     /// Where something lies on the skin no border is seen: the faces between the two.
-    fn add_contact(&mut self, patient: &Patient, side: impl Fn(Vec3) -> Option<usize>) {
+    fn add_contact(&mut self, space: &Space, patient: &Patient, side: impl Fn(Vec3) -> Option<usize>) {
         let cells = &patient.survey.cells;
         let [nx, ny, nz] = cells.shape;
         let face = cells.edge * cells.edge / STAIRCASE;
         let foreign = |k: Cell| matches!(k, Cell::Attached | Cell::Other);
         let kinds = &patient.kinds;
         each_cell(cells, |i, [x, y, z]| {
+            space.ask_at(i);
             if !patient.near_foreign[i] || kinds[i] != Cell::Patient {
                 return;
             }
@@ -93,11 +96,13 @@ pub(super) fn quality(
     motion_mm: f64,
     points: &[(Vec3, Agreement)],
 ) -> Quality {
+    space.ask();
     let all: Vec<f64> = offsets(points.iter().map(|p| &p.1));
     let (mean, p95) = spread(all).unwrap_or((0.0, 0.0));
     let share = |accepted: f64, missing: f64| accepted / (accepted + missing);
     let missing_of = |side: usize| areas.missing[side].iter().sum::<f64>();
     let sides = Side::ALL.map(|side| {
+        space.ask();
         let i = side as usize;
         let of_side = points.iter().filter(|p| Side::of(p.0, head.middle) == side).map(|p| &p.1);
         let spread = spread(offsets(of_side));

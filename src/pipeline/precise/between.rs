@@ -51,6 +51,7 @@ impl Between {
     }
 
     fn settled(&self, space: &Space, c: &Crossing) -> Result<Crossing, Doubtful> {
+        space.ask();
         if !unresolved(space, c) || self.contours.knows(space, c.place) {
             return Ok(*c);
         }
@@ -77,10 +78,14 @@ impl Between {
             .gaps
             .par_iter()
             .enumerate()
+            .panic_fuse()
             .map(|(k, &gap)| if gap < NEAR_MM { Vec::new() } else { self.contours.between(space, k) })
             .collect();
-        let seen =
-            crossings.into_iter().filter(|c| !unresolved(space, c) || !self.contours.knows(space, c.place));
+        let seen = crossings.into_iter().enumerate().filter(|(i, c)| {
+            space.ask_at(*i);
+            !unresolved(space, c) || !self.contours.knows(space, c.place)
+        });
+        let seen = seen.map(|(_, c)| c);
         seen.chain(made.into_iter().flatten()).collect()
     }
 

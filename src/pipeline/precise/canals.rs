@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::outside::{CANAL, ENCLOSED, OPEN, SOLID};
 use super::survey::Cells;
 use crate::geometry::{Vec3, add, scale};
+use crate::pipeline::stop::Asked;
 
 /// How far beyond the ball's reach a fold is still skin, mm.
 const FOLD_MM: f64 = 6.0;
@@ -46,20 +47,23 @@ struct Judged {
 
 /// Marks the narrow air that is fold (open) and the one that is canal: what lies deeper than a
 /// fold, and on the way from the open air to what is deeper than any fold what is closed in.
-pub(super) fn close_canals(cells: &Cells, air: &mut [u8]) {
+pub(super) fn close_canals(asked: Asked<'_>, cells: &Cells, air: &mut [u8]) {
     let thirds = |mm: f64| (mm / cells.edge * 3.0).round() as u32;
     let (fold, canal) = (thirds(FOLD_MM), thirds(CANAL_MM));
     let from = next_to_narrow(cells, air);
-    let narrow = walk(cells, &from, canal + 5, |i| air[i] == ENCLOSED);
+    let narrow = walk(asked, cells, &from, canal + 5, |i| air[i] == ENCLOSED);
     let deep: Vec<usize> = narrow.iter().filter(|&&(_, d)| d > canal).map(|&(i, _)| i).collect();
     let depth: HashMap<usize, u32> = narrow.into_iter().collect();
-    let back = walk(cells, &deep, canal + thirds(RIM_MM), |i| air[i] == OPEN || depth.contains_key(&i));
+    let back =
+        walk(asked, cells, &deep, canal + thirds(RIM_MM), |i| air[i] == OPEN || depth.contains_key(&i));
     let lines = directions();
     let near = canal + thirds(NEAR_RIM_MM);
     let judged: Vec<Judged> = back
         .into_par_iter()
         .filter(|(i, _)| depth.get(i).is_none_or(|&d| d <= fold))
+        .panic_fuse()
         .map(|(cell, d)| {
+            asked.ask();
             let free = free_share(cells, air, &lines, cell);
             let (within, at_rim) = if d > near { FREE_FAR } else { FREE };
             Judged { cell, within: free < within, at_rim: free < at_rim }
@@ -127,7 +131,13 @@ fn next_to_narrow(cells: &Cells, air: &[u8]) -> Vec<usize> {
 
 /// Cells for which `pass` holds, reached from `from` within `most` chamfer thirds, with their
 /// distance; in the order in which they were reached.
-fn walk(cells: &Cells, from: &[usize], most: u32, pass: impl Fn(usize) -> bool) -> Vec<(usize, u32)> {
+fn walk(
+    asked: Asked<'_>,
+    cells: &Cells,
+    from: &[usize],
+    most: u32,
+    pass: impl Fn(usize) -> bool,
+) -> Vec<(usize, u32)> {
     let mut best: HashMap<usize, u32> = HashMap::new();
     let mut buckets: Vec<Vec<usize>> = vec![Vec::new(); most as usize + 6];
     buckets[0] = from.to_vec();
@@ -137,6 +147,7 @@ fn walk(cells: &Cells, from: &[usize], most: u32, pass: impl Fn(usize) -> bool) 
         while i < buckets[d as usize].len() {
             let offset = buckets[d as usize][i];
             i += 1;
+            asked.ask_at(i);
             if d > 0 {
                 if best.get(&offset) != Some(&d) {
                     continue;
@@ -177,7 +188,7 @@ mod tests {
                 _ => SOLID,
             })
             .collect();
-        close_canals(&cells, &mut air);
+        close_canals(Asked::default(), &cells, &mut air);
         each_cell(&cells, |i, cell| match cell {
             [_, _, z] if z > 31 => assert_eq!(air[i], OPEN, "open air at {cell:?}"),
             [_, _, z] if in_tube(cell) && z < 29 => assert_ne!(air[i], OPEN, "tube at {cell:?}"),

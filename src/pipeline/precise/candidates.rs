@@ -45,10 +45,11 @@ pub(super) fn find(
 ) -> (Vec<Candidate>, Vec<Doubtful>) {
     let [nz, ny, nx] = space.shape;
     let middle = levels.middle().ceil() as i16;
-    let dense = Rows::of(nx, space.hu, |&v| v >= middle);
+    let dense = Rows::of(space.asked(), nx, space.hu, |&v| v >= middle);
     let search = Search { space, levels, field, patient, outside };
     let found: Vec<(Vec<Candidate>, Vec<Doubtful>)> = (0..nz)
         .into_par_iter()
+        .panic_fuse()
         .map(|z| {
             let (mut candidates, mut doubtful) = (Vec::new(), Vec::new());
             let mut judge = |at, axis, ascending| match search.judge(at, axis, ascending) {

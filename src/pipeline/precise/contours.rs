@@ -56,7 +56,8 @@ impl Contours {
         let units = [0, 1].map(|i| scale(space.mean_step(axes[i]), 1.0 / spacing[i]));
         let mut feet: Vec<Vec<Foot>> = vec![Vec::new(); space.shape[slice_axis]];
         let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
-        for c in crossings.iter().filter(|c| usize::from(c.axis) != slice_axis) {
+        for (i, c) in crossings.iter().enumerate().filter(|(_, c)| usize::from(c.axis) != slice_axis) {
+            space.ask_at(i);
             let index = space.index(c.place);
             let n = units.map(|u| dot(c.normal, u));
             let length = n[0].hypot(n[1]);
@@ -92,7 +93,8 @@ impl Contours {
         contours.distances = feet
             .par_iter()
             .enumerate()
-            .map(|(k, feet)| contours.distances_to(feet, furthest(widest(k))))
+            .panic_fuse()
+            .map(|(k, feet)| contours.distances_to(space, feet, furthest(widest(k))))
             .collect();
         contours.places = feet.iter().map(|feet| feet.iter().map(|f| f.at).collect()).collect();
         Some(contours)
@@ -100,7 +102,7 @@ impl Contours {
 
     /// Distance from each pixel to the nearest foot no further than `furthest` mm, by two sweeps that
     /// hand on the nearest.
-    fn distances_to(&self, feet: &[Foot], furthest: f64) -> Vec<f32> {
+    fn distances_to(&self, space: &Space, feet: &[Foot], furthest: f64) -> Vec<f32> {
         let [rows, columns] = self.shape;
         let place = |r: usize, c: usize| {
             [(r + self.low[0]) as f64 * self.spacing[0], (c + self.low[1]) as f64 * self.spacing[1]]
@@ -130,9 +132,11 @@ impl Contours {
         }
         for _ in 0..2 {
             for r in 0..rows {
+                space.ask();
                 sweep(&mut nearest, columns, r, r.checked_sub(1), &offer);
             }
             for r in (0..rows).rev() {
+                space.ask();
                 sweep(&mut nearest, columns, r, (r + 1 < rows).then_some(r + 1), &offer);
             }
         }

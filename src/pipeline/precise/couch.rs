@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::kinds::{BALL_MM, Cell};
 use super::reach::within;
 use super::survey::Survey;
+use crate::pipeline::stop::Asked;
 
 /// A column along the table counts as filled if this share of it is.
 const SHARE: f64 = 0.97;
@@ -25,12 +26,14 @@ pub(super) struct Outline {
 }
 
 /// Marks as [`Cell::Other`] the tissue that runs along the whole scan parallel to the table.
-pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) -> Vec<Outline> {
+pub(super) fn mark(asked: Asked<'_>, survey: &Survey, kinds: &mut [Cell]) -> Vec<Outline> {
     let cells = &survey.cells;
     let [nx, ny, nz] = cells.shape;
     let layer = nx * ny;
     let (mut seen, mut full) = (vec![0u32; layer], vec![0u32; layer]);
-    seen.par_chunks_mut(nx).zip(full.par_chunks_mut(nx)).enumerate().for_each(|(y, (seen, full))| {
+    let each = seen.par_chunks_mut(nx).zip(full.par_chunks_mut(nx)).enumerate().panic_fuse();
+    each.for_each(|(y, (seen, full))| {
+        asked.ask();
         for row in (0..nz).map(|z| z * layer + y * nx) {
             for (x, (seen, full)) in seen.iter_mut().zip(&mut *full).enumerate() {
                 let is_seen = survey.seen[row + x];
@@ -43,9 +46,10 @@ pub(super) fn mark(survey: &Survey, kinds: &mut [Cell]) -> Vec<Outline> {
     let share = |i: usize| f64::from(full[i]) / f64::from(seen[i].max(1));
     let filled: Vec<bool> = (0..layer).map(|i| long(i) && share(i) >= SHARE).collect();
     let emptiness = |i: usize| if long(i) { 1.0 - share(i) } else { 1.0 };
-    let at_border = within([nx, ny, 1], cells.squared(BALL_MM), |i| !filled[i]);
+    let at_border = within(asked, [nx, ny, 1], cells.squared(BALL_MM), |i| !filled[i]);
     let mut marked = Vec::new();
     for outline in outlines(nx, ny, &filled) {
+        asked.ask();
         let (mut border, mut free) = (0usize, 0f64);
         for &i in &outline {
             let (x, y) = (i % nx, i / nx);
@@ -123,7 +127,7 @@ mod tests {
         let solid = |at| plate(at) || block(at);
         let kind = |i| if solid(cells.cell(i)) { Cell::Patient } else { Cell::Air };
         let mut kinds: Vec<Cell> = (0..n).map(kind).collect();
-        let found = mark(&survey, &mut kinds);
+        let found = mark(Asked::default(), &survey, &mut kinds);
         assert_eq!(found.len(), 2);
         for outline in found {
             let is_plate = plate(cells.cell(outline.cells[0]));

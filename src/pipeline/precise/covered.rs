@@ -114,7 +114,7 @@ impl Seen {
         look: &Look,
         near_foreign: Option<&(impl Fn(Vec3) -> bool + Sync)>,
     ) -> Self {
-        let mut surface = Surface::of(crossings, look.leaf_mm);
+        let mut surface = Surface::of(space.asked(), crossings, look.leaf_mm);
         space.ask();
         let parts = surrounded(space, levels, &mut surface, look, canals);
         space.ask();
@@ -185,6 +185,7 @@ fn beyond(surface: &Surface, mut all: Vec<usize>, links: usize) -> Vec<usize> {
     for _ in 0..links {
         let to = all.len();
         for i in from..to {
+            surface.asked.ask_at(i);
             for link in surface.links(all[i]) {
                 if !std::mem::replace(&mut is_in[link.to], true) {
                     all.push(link.to);

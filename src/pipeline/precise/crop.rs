@@ -28,8 +28,8 @@ pub(super) fn bounds(space: &Space, field: &Field, levels: &Levels) -> [Vec3; 2]
     let survey = Survey::of(space, field, Cells::over(all, EDGE_MM));
     let cells = survey.cells;
     let kinds = tissue(&survey, levels);
-    let at_border = within(cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
-    let thick = Pieces::of(cells.shape, |i| !at_border[i]);
+    let at_border = within(space.asked(), cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
+    let thick = Pieces::of(space.asked(), cells.shape, |i| !at_border[i]);
     let Some(main) = thick.largest() else { return all };
     let least = thick.sizes()[main as usize] / SHARE;
     let (mut low, mut high) = ([usize::MAX; 3], [0; 3]);

@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::geometry::Vec3;
+use crate::pipeline::stop::Asked;
 
 /// Bits for the cube's index along each axis.
 const BITS: u32 = 21;
@@ -22,9 +23,13 @@ pub(super) fn key(p: Vec3, edge: f64) -> u64 {
 }
 
 /// Sorts the numbers of places by the keys of their cubes, and by number.
-pub(super) fn sorted(keyed: impl ParallelIterator<Item = (u64, u32)>) -> Vec<(u64, u32)> {
+pub(super) fn sorted(asked: Asked<'_>, keyed: impl ParallelIterator<Item = (u64, u32)>) -> Vec<(u64, u32)> {
     let mut keyed: Vec<(u64, u32)> = keyed.collect();
-    keyed.par_sort_unstable();
+    // Each is compared again and again all through the sort.
+    keyed.par_sort_unstable_by(|a, b| {
+        asked.ask_at(a.1 as usize);
+        a.cmp(b)
+    });
     keyed
 }
 
@@ -43,10 +48,11 @@ pub(super) struct Cubes {
 
 impl Cubes {
     /// Of edge `edge` mm.
-    pub(super) fn of(places: impl IndexedParallelIterator<Item = Vec3>, edge: f64) -> Self {
-        let sorted = sorted(places.enumerate().map(|(i, place)| (key(place, edge), i as u32)));
+    pub(super) fn of(asked: Asked<'_>, places: impl IndexedParallelIterator<Item = Vec3>, edge: f64) -> Self {
+        let sorted = sorted(asked, places.enumerate().map(|(i, place)| (key(place, edge), i as u32)));
         let mut of = vec![0; sorted.len()];
         for (cube, members) in groups(&sorted).into_iter().enumerate() {
+            asked.ask_at(cube);
             members.iter().for_each(|m| of[m.1 as usize] = cube as u32);
         }
         Self { sorted, of }
@@ -65,15 +71,16 @@ impl Cubes {
 
     /// For every cube where in [`Self::sorted`] the places of the 27 cubes around it are: nine rows
     /// of three along x.
-    pub(super) fn around(&self) -> Vec<[Range<usize>; 9]> {
+    pub(super) fn around(&self, asked: Asked<'_>) -> Vec<[Range<usize>; 9]> {
         let groups = groups(&self.sorted);
-        let rows = |group: &&[(u64, u32)]| {
+        let rows = |(number, group): (usize, &&[(u64, u32)])| {
+            asked.ask_at(number);
             rows_around(group[0].0).map(|[first, last]| {
                 let from = self.sorted.partition_point(|m| m.0 < first);
                 from..from + self.sorted[from..].partition_point(|m| m.0 <= last)
             })
         };
-        groups.par_iter().map(rows).collect()
+        groups.par_iter().enumerate().panic_fuse().map(rows).collect()
     }
 }
 
@@ -96,8 +103,8 @@ mod tests {
         let edge = 1.5;
         let place = |i: i32| [i % 7 - 3, i / 7 % 7 - 4, i / 49 - 2].map(|v| (f64::from(v) + 0.3) * edge);
         let places: Vec<Vec3> = (0..343).map(place).collect();
-        let cubes = Cubes::of(places.par_iter().copied(), edge);
-        let around = cubes.around();
+        let cubes = Cubes::of(Asked::default(), places.par_iter().copied(), edge);
+        let around = cubes.around(Asked::default());
         assert_eq!(around.len(), 343, "each has a cube of its own");
         for (i, p) in places.iter().enumerate() {
             let rows = around[cubes.cube(i)].clone().map(|row| cubes.sorted()[row].to_vec());

@@ -33,7 +33,8 @@ impl Field {
                 space.ask_at(line);
                 voxels(space, axis, line).all(|v| v == value)
             };
-            let mut filled: Vec<bool> = (0..rows * columns).into_par_iter().map(is_filled).collect();
+            let mut filled: Vec<bool> =
+                (0..rows * columns).into_par_iter().panic_fuse().map(is_filled).collect();
             if levels.is_still_air(f32::from(value)) {
                 // Air itself can have the value all along a line, the patient's too: the circle alone tells.
                 let circle = (axis == space.slice_axis()).then(|| Circle::around(space, axis, &filled));

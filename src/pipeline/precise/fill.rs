@@ -23,9 +23,10 @@ pub(super) fn rough(surface: &Surface) -> Vec<f64> {
     let (lump_of, lumps) =
         surface.parts(|_| true, |from, link| !link.is_ledge() && cube[from] == cube[link.to]);
     let fine = System::of(surface);
-    let coarse = fine.lumped(surface, &lump_of, &lumps).solve(vec![0.0; lumps.len()]);
+    let coarse = fine.lumped(surface, &lump_of, &lumps).solve(surface, vec![0.0; lumps.len()]);
     let mut fill: Vec<f64> = lump_of.iter().map(|&lump| coarse[lump as usize]).collect();
     for _ in 0..SWEEPS {
+        surface.asked.ask();
         let inflow = fine.inflow(&fill);
         fill = (0..surface.len()).map(|i| (fine.sources[i] + inflow[i]) / fine.diagonal[i]).collect();
     }
@@ -34,12 +35,12 @@ pub(super) fn rough(surface: &Surface) -> Vec<f64> {
 
 /// The fill of each node, from a rough one.
 pub(super) fn exact(surface: &Surface, rough: Vec<f64>) -> Vec<f64> {
-    System::of(surface).solve(rough)
+    System::of(surface).solve(surface, rough)
 }
 
 /// What fills each node between those that are `full`, which hold 1, and those that are `empty`.
 pub(super) fn between(surface: &Surface, full: &[bool], empty: &[bool]) -> Vec<f64> {
-    System::of(surface).held(full, empty).solve(vec![0.0; surface.len()])
+    System::of(surface).held(full, empty).solve(surface, vec![0.0; surface.len()])
 }
 
 /// Most steps of the solver.
@@ -63,6 +64,7 @@ impl System {
     fn of(surface: &Surface) -> Self {
         let squared = |way: Vec3| dot(way, way);
         let of_node = |node: usize| {
+            surface.asked.ask_at(node);
             let (mut flows, mut source, mut spread) = (Vec::with_capacity(24), 0.0, 0.0);
             for link in surface.links(node) {
                 if link.is_ledge() {
@@ -74,7 +76,8 @@ impl System {
             }
             (flows, source, spread)
         };
-        let nodes: Vec<(Vec<Flow>, f64, f64)> = (0..surface.len()).into_par_iter().map(of_node).collect();
+        let nodes: Vec<(Vec<Flow>, f64, f64)> =
+            (0..surface.len()).into_par_iter().panic_fuse().map(of_node).collect();
         let spread = nodes.iter().map(|n| n.2).sum::<f64>() / 4.0;
         let lost = spread / surface.len().max(1) as f64 / (LOST_MM * LOST_MM);
         let diagonal = nodes.iter().map(|n| n.0.len() as f64 + lost).collect();
@@ -96,6 +99,7 @@ impl System {
         let middle: Vec<Vec3> = lumps.par_iter().map(middle).collect();
         let losses: Vec<f64> = self.losses().collect();
         let of_lump = |lump: usize| {
+            surface.asked.ask_at(lump);
             let mut flows: Vec<Flow> = Vec::with_capacity(16);
             for &node in &lumps[lump] {
                 for (to, _) in &self.flows[node] {
@@ -117,7 +121,8 @@ impl System {
             let out = flows.iter().map(|f| f64::from(f.1)).sum::<f64>() + sum(&losses);
             (flows, out, sum(&self.sources))
         };
-        let lumps: Vec<(Vec<Flow>, f64, f64)> = (0..lumps.len()).into_par_iter().map(of_lump).collect();
+        let lumps: Vec<(Vec<Flow>, f64, f64)> =
+            (0..lumps.len()).into_par_iter().panic_fuse().map(of_lump).collect();
         let mut system = Self { flows: Vec::new(), diagonal: Vec::new(), sources: Vec::new() };
         for (flows, out, source) in lumps {
             system.flows.push(flows);
@@ -150,7 +155,7 @@ impl System {
     }
 
     /// Conjugate gradients with the diagonal as preconditioner.
-    fn solve(&self, start: Vec<f64>) -> Vec<f64> {
+    fn solve(&self, surface: &Surface, start: Vec<f64>) -> Vec<f64> {
         let product = |v: &[f64]| -> Vec<f64> {
             self.inflow(v).iter().enumerate().map(|(i, inflow)| self.diagonal[i] * v[i] - inflow).collect()
         };
@@ -162,6 +167,7 @@ impl System {
         let mut size = scalar(&rest, &direction);
         let enough = scalar(&self.sources, &scaled(&self.sources)) * LEFT * LEFT;
         for _ in 0..STEPS {
+            surface.asked.ask();
             if size <= enough {
                 break;
             }

@@ -77,6 +77,7 @@ impl Head {
         };
         let brain: Vec<Vec<[usize; 3]>> = (0..nz.div_ceil(STRIDE))
             .into_par_iter()
+            .panic_fuse()
             .map(|z| {
                 space.ask();
                 let layer = (0..ny.div_ceil(STRIDE)).flat_map(|y| {
@@ -101,7 +102,7 @@ impl Head {
             }
             layer
         };
-        let of_survey: Vec<Layer> = (0..nz).into_par_iter().map(of_layer).collect();
+        let of_survey: Vec<Layer> = (0..nz).into_par_iter().panic_fuse().map(of_layer).collect();
         let cm2 = |cells_: usize| cells_ as f64 * cells.edge * cells.edge / 100.0;
         let layers: Vec<f64> = brain.iter().map(|l| cm2(l.len() * STRIDE * STRIDE)).collect();
         let of_patient = |z: usize| cm2(of_survey[z * STRIDE].area);
@@ -158,6 +159,7 @@ impl Head {
         };
         let (above, aside) = (lowest * step[2]..cells.len())
             .into_par_iter()
+            .panic_fuse()
             .filter(|&i| patient.kinds[i] == Cell::Patient && seen[i])
             .map(of_cell)
             .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::pieces::Pieces;
 use super::reach::within;
 use super::survey::Cells;
+use crate::pipeline::stop::Asked;
 
 /// Ears, nose and jaw are smaller: diagonal of the box, mm.
 pub(super) const LARGEST_PART_MM: f64 = 95.0;
@@ -15,22 +16,32 @@ const LINK_MM: f64 = 4.0;
 
 /// Which of some cells belong to something larger than any thin part of a head; where less than half of
 /// its cells stand `free`, to something larger than a face.
-pub(super) fn are_large(cells: &Cells, some: &[usize], free: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
+pub(super) fn are_large(
+    asked: Asked<'_>,
+    cells: &Cells,
+    some: &[usize],
+    free: impl Fn(usize) -> bool + Sync,
+) -> Vec<bool> {
     if some.is_empty() {
         return Vec::new();
     }
     let mut marked = vec![false; cells.len()];
     some.iter().for_each(|&i| marked[i] = true);
-    let near = within(cells.shape, cells.squared(LINK_MM), |i| marked[i]);
+    let near = within(asked, cells.shape, cells.squared(LINK_MM), |i| marked[i]);
     drop(marked);
-    let parts = Pieces::of(cells.shape, |i| near[i]);
+    let parts = Pieces::of(asked, cells.shape, |i| near[i]);
     let part_of = |i: usize| {
         let [x, y, z] = cells.cell(i);
         parts.at(z, y, x).map(|part| part as usize)
     };
-    let free = some.par_iter().map(|&i| free(i)).collect::<Vec<_>>();
+    let free = some.par_iter().enumerate().panic_fuse().map(|(n, &i)| {
+        asked.ask_at(n);
+        free(i)
+    });
+    let free = free.collect::<Vec<_>>();
     let mut found = vec![(Bounds::default(), 0, 0); parts.sizes().len()];
-    for (&i, free) in some.iter().zip(free) {
+    for (n, (&i, free)) in some.iter().zip(free).enumerate() {
+        asked.ask_at(n);
         if let Some(part) = part_of(i) {
             let (bounds, all, all_free) = &mut found[part];
             bounds.add(cells.cell(i));
@@ -85,9 +96,9 @@ mod tests {
             (5..105).filter(|x| !(50..56).contains(x)).map(|x| cells.offset([x, 5, 5])).collect();
         let nose: Vec<usize> = (0..35).map(|i| cells.offset([40 + i / 2, 30 + i, 20 + i])).collect();
         let all = [tube.clone(), nose].concat();
-        let large = are_large(&cells, &all, |_| true);
+        let large = are_large(Asked::default(), &cells, &all, |_| true);
         assert!(large.iter().enumerate().all(|(i, large)| *large == (i < tube.len())), "{large:?}");
-        let own = are_large(&cells, &all, |i| cells.cell(i)[0] < 45);
+        let own = are_large(Asked::default(), &cells, &all, |i| cells.cell(i)[0] < 45);
         assert!(!own.contains(&true), "as small as a face");
     }
 }

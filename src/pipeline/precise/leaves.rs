@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::crossings::Crossing;
 use super::cubes::{groups, key, sorted};
 use crate::geometry::{PlaneSet, add, dot, scale, sub};
+use crate::pipeline::stop::Asked;
 
 /// The crossing that stands for a leaf.
 #[derive(Debug, Clone, Copy)]
@@ -26,6 +27,7 @@ const CLEAR: f64 = 1.3;
 /// Crossings by the cube in which they compete, to make several clouds of.
 #[derive(Debug)]
 pub(super) struct Rivals<'a> {
+    asked: Asked<'a>,
     crossings: &'a [Crossing],
     /// Each cube with each of its crossings, in order.
     by_cube: Vec<(u64, u32)>,
@@ -33,24 +35,30 @@ pub(super) struct Rivals<'a> {
 
 impl<'a> Rivals<'a> {
     /// Sorts all crossings.
-    pub(super) fn of(crossings: &'a [Crossing]) -> Self {
+    pub(super) fn of(asked: Asked<'a>, crossings: &'a [Crossing]) -> Self {
         let keyed = |(i, c): (usize, &Crossing)| (key(c.place, RIVALS_MM), i as u32);
-        Self { crossings, by_cube: sorted(crossings.par_iter().enumerate().map(keyed)) }
+        Self { asked, crossings, by_cube: sorted(asked, crossings.par_iter().enumerate().map(keyed)) }
     }
 
     /// For every leaf with a crossing for which `member` holds the one nearest to the middle of its
     /// points, seen along the skin. A centroid would lie inside a curved skin; this lies on it. Leaves
     /// are cubes of edge `leaf` mm of a grid through the patient's origin.
     pub(super) fn thin(&self, leaf: f64, member: impl Fn(&Crossing) -> bool + Sync) -> Vec<Leaf> {
-        let cubes = groups(&self.by_cube).into_par_iter();
+        let cubes = groups(&self.by_cube).into_par_iter().panic_fuse();
         let clear = cubes.flat_map_iter(|cube| self.clear(cube, &member));
-        let by_leaf = sorted(clear.map(|i| (key(self.crossings[i as usize].place, leaf), i)));
-        let leaves = groups(&by_leaf).into_par_iter();
-        leaves.map(|leaf| representative(self.crossings, leaf)).collect()
+        let by_leaf = sorted(self.asked, clear.map(|i| (key(self.crossings[i as usize].place, leaf), i)));
+        let leaves = groups(&by_leaf).into_par_iter().panic_fuse();
+        leaves.map(|leaf| self.representative(leaf)).collect()
+    }
+
+    fn representative(&self, leaf: &[(u64, u32)]) -> Leaf {
+        self.asked.ask_at(leaf[0].1 as usize);
+        representative(self.crossings, leaf)
     }
 
     /// Those members of a cube that see the edge nearly as clearly as the best of them.
     fn clear(&self, cube: &[(u64, u32)], member: impl Fn(&Crossing) -> bool) -> Vec<u32> {
+        self.asked.ask_at(cube[0].1 as usize);
         let members = || {
             let all = cube.iter().map(|&(_, i)| (i, &self.crossings[i as usize]));
             all.filter(|(_, c)| member(c)).map(|(i, c)| (i, c.error))

@@ -66,11 +66,12 @@ impl Part {
     fn is_flat(&self, surface: &Surface) -> bool {
         let alike = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > ONE_WAY;
         let facing = |i: usize| {
+            surface.asked.ask();
             let way = surface.normals[self.nodes[i * self.nodes.len() / WAYS]];
             self.nodes.iter().filter(|&&node| alike(surface.normals[node], way)).count()
         };
         let extent = surface.extent(&self.nodes);
-        let most = (0..WAYS).into_par_iter().map(facing).max().unwrap_or(0);
+        let most = (0..WAYS).into_par_iter().panic_fuse().map(facing).max().unwrap_or(0);
         most >= surface.nodes_of(self.kind.flat * extent * extent)
     }
 }
@@ -140,6 +141,7 @@ fn parts(
     let at = |least: &f64| -> Vec<Part> {
         let (part_of, parts) = surface.parts(|node| fill[node] > *least, |_, link| !link.is_ledge());
         let part = |nodes: Vec<usize>| {
+            surface.asked.ask();
             let extent = surface.extent(&nodes);
             let mut kinds = kinds.iter().filter(|kind| kind.has_size(surface, &nodes, extent)).peekable();
             kinds.peek()?;
@@ -155,7 +157,7 @@ fn parts(
         };
         parts.into_iter().filter_map(part).collect()
     };
-    let found: Vec<Vec<Part>> = FILLS.par_iter().map(at).collect();
+    let found: Vec<Vec<Part>> = FILLS.par_iter().panic_fuse().map(at).collect();
     found.into_iter().flatten().collect()
 }
 
@@ -169,6 +171,7 @@ fn at_end(space: &Space, surface: &Surface) -> Vec<bool> {
 /// Whether a part is no further than [`TRAGUS_MM`] from a canal.
 fn is_near(surface: &Surface, part: &Part, canals: &[Vec3]) -> bool {
     let is_near = |node: usize| {
+        surface.asked.ask();
         let p = surface.places[node];
         canals.iter().any(|&canal| norm(sub(canal, p)) < TRAGUS_MM)
     };
@@ -178,6 +181,7 @@ fn is_near(surface: &Surface, part: &Part, canals: &[Vec3]) -> bool {
 /// Whether a part has air behind it, as an ear has.
 fn stands_off(space: &Space, levels: &Levels, surface: &Surface, part: &Part) -> bool {
     let before_air = |&&node: &&usize| {
+        space.ask_at(node);
         let inward = surface.normals[node].map(|v| -f64::from(v));
         let line = space.line(surface.places[node], inward);
         let behind = |mm: f64| line.sample(mm);
@@ -191,9 +195,10 @@ mod tests {
     use super::super::crossings::Crossing;
     use super::*;
     use crate::geometry::{PlaneSet, normalised};
+    use crate::pipeline::stop::Asked;
 
     /// A flat skin of 240 mm with something on it that is so high at x, y.
-    fn with(height: impl Fn(f64, f64) -> f64) -> Surface {
+    fn with(height: impl Fn(f64, f64) -> f64) -> Surface<'static> {
         let crossings: Vec<Crossing> = (0..480 * 480)
             .map(|i| {
                 let (x, y) = (f64::from(i % 480) * 0.5 - 120.0, f64::from(i / 480) * 0.5 - 120.0);
@@ -210,12 +215,12 @@ mod tests {
                 }
             })
             .collect();
-        Surface::of(&crossings, 1.0)
+        Surface::of(Asked::default(), &crossings, 1.0)
     }
 
     /// A square plate, so many mm from its middle to its edges and 2.5 mm thick; where `slope` it slopes
     /// down to the skin over 25 mm.
-    fn plate(half: f64, slope: impl Fn(f64, f64) -> bool) -> Surface {
+    fn plate(half: f64, slope: impl Fn(f64, f64) -> bool) -> Surface<'static> {
         with(|x, y| {
             let beyond = x.abs().max(y.abs()) - half;
             let width = if slope(x, y) { 25.0 } else { 1.0 };
@@ -224,7 +229,7 @@ mod tests {
     }
 
     /// A disc of 9 mm, 2.5 mm thick, that falls to the skin over so many mm.
-    fn disc(slope: f64) -> Surface {
+    fn disc(slope: f64) -> Surface<'static> {
         with(|x, y| 2.5 * ((9.0 - x.hypot(y)) / slope + 0.5).clamp(0.0, 1.0))
     }
 

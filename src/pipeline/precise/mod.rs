@@ -15,7 +15,6 @@
 //! | between thick slices | `between`, `contours`, `caps` |
 //! | what was not accepted | `stretches` |
 //! | one point a leaf | `cubes`, `leaves`, `order` |
-//! | stopped where it is | `stop` |
 //! | how far to trust it | `agreement`, `confidence`, `motion`, `assess`, `quality` |
 
 mod agreement;
@@ -60,7 +59,6 @@ mod sheets;
 mod sides;
 mod skin;
 mod space;
-mod stop;
 mod stretches;
 mod surface;
 mod survey;

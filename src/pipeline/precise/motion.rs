@@ -22,7 +22,11 @@ pub(super) fn largest_step(space: &Space, crossings: &[Crossing], middle: Vec3) 
     let slices = space.shape[space.slice_axis()];
     let mut radii = vec![[f64::NAN; RAYS]; slices];
     let [u, v] = space.in_plane_units();
-    for c in crossings.iter().filter(|c| usize::from(c.axis) != space.slice_axis() && !c.between) {
+    for (i, c) in crossings.iter().enumerate() {
+        space.ask_at(i);
+        if usize::from(c.axis) == space.slice_axis() || c.between {
+            continue;
+        }
         let k = space.slice_of(c.place);
         let d = sub(c.place, middle);
         let (a, b) = (dot(d, u), dot(d, v));

@@ -8,6 +8,7 @@ use super::levels::Levels;
 use super::reach::within;
 use super::space::{Space, nearest};
 use super::survey::{Cells, Survey};
+use crate::pipeline::stop::Asked;
 
 /// What is so near the border of the field of view meets it, in cells: a cell upon it holds a mixture.
 const AT_BORDER: f64 = 2.0;
@@ -39,18 +40,21 @@ impl FieldBorder {
         if !aside.par_iter().any(|a| *a) {
             return Self(Vec::new());
         }
-        let near = within(cells.shape, squared(AT_BORDER), |i| aside[i]);
-        let at = |i: usize| match near[i] && !aside[i] {
-            false => At::Elsewhere,
-            true if ends_in_tissue(space, levels, field, cells, i) => At::Tissue,
-            true => At::Border,
+        let near = within(space.asked(), cells.shape, squared(AT_BORDER), |i| aside[i]);
+        let at = |i: usize| {
+            space.ask_at(i);
+            match near[i] && !aside[i] {
+                false => At::Elsewhere,
+                true if ends_in_tissue(space, levels, field, cells, i) => At::Tissue,
+                true => At::Border,
+            }
         };
-        Self((0..cells.len()).into_par_iter().map(at).collect())
+        Self((0..cells.len()).into_par_iter().panic_fuse().map(at).collect())
     }
 
     /// The cells that shut the openings in the patient where the border cuts it: where air between
     /// cut tissue is narrower there than twice [`WIDE_MM`]. Empty if nothing is cut.
-    pub(super) fn laid_open(&self, survey: &Survey, kinds: &[Cell]) -> Vec<bool> {
+    pub(super) fn laid_open(&self, asked: Asked<'_>, survey: &Survey, kinds: &[Cell]) -> Vec<bool> {
         let (Self(at), cells) = (self, &survey.cells);
         let cut = |i: usize| at[i] == At::Tissue && kinds[i] == Cell::Patient;
         if !(0..at.len()).into_par_iter().any(cut) {
@@ -58,10 +62,10 @@ impl FieldBorder {
         }
         let border = |i: usize| at[i] != At::Elsewhere;
         let wide = cells.squared(WIDE_MM);
-        let near_cut = within(cells.shape, wide, cut);
-        let near_wide = within(cells.shape, wide, |i| border(i) && !near_cut[i]);
+        let near_cut = within(asked, cells.shape, wide, cut);
+        let near_wide = within(asked, cells.shape, wide, |i| border(i) && !near_cut[i]);
         let narrow = |i: usize| border(i) && kinds[i] != Cell::Patient && !near_wide[i];
-        let near_narrow = within(cells.shape, squared(BEYOND), narrow);
+        let near_narrow = within(asked, cells.shape, squared(BEYOND), narrow);
         let shuts = |i: usize| narrow(i) || (survey.aside[i] && near_narrow[i]);
         (0..cells.len()).into_par_iter().map(shuts).collect()
     }

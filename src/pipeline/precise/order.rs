@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::geometry::Vec3;
+use crate::pipeline::stop::Asked;
 
 /// Coarsest level: cells of 2⁷ leaves.
 const COARSEST: u32 = 7;
@@ -15,11 +16,15 @@ const CHOICE: usize = 4;
 /// An order of the points that begins with [`FARTHEST`] ones, each as far from those before it as any
 /// can be; after them each level of an octree, coarsest first, gets one point for each of its cells,
 /// and within a level neighbours are spread over the whole cloud.
-pub(super) fn by_detail(points: &[Vec3], leaf: f64) -> Vec<u32> {
+pub(super) fn by_detail(asked: Asked<'_>, points: &[Vec3], leaf: f64) -> Vec<u32> {
     // Along a Morton curve the points of a cell of any level follow each other.
     let mut curve: Vec<(u64, u32)> =
         points.par_iter().enumerate().map(|(i, p)| (morton(*p, leaf), i as u32)).collect();
-    curve.par_sort_unstable();
+    // As in `cubes`, the sorts ask at those whose turn it is by their number.
+    curve.par_sort_unstable_by(|a, b| {
+        asked.ask_at(a.1 as usize);
+        a.cmp(b)
+    });
     let mut level = vec![COARSEST + 1; points.len()];
     for pair in curve.windows(2) {
         // The coarsest level on which a point begins a cell of its own.
@@ -27,27 +32,31 @@ pub(super) fn by_detail(points: &[Vec3], leaf: f64) -> Vec<u32> {
         level[pair[1].1 as usize] = differing.div_ceil(3).min(COARSEST + 1);
     }
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
-    let by_level = |&i: &u32| (u32::MAX - level[i as usize], spread(i), i);
+    let by_level = |&i: &u32| {
+        asked.ask_at(i as usize);
+        (u32::MAX - level[i as usize], spread(i), i)
+    };
     order.par_sort_unstable_by_key(by_level);
     let enough = (0..=COARSEST + 1).rev().find_map(|least| {
         let n = order.partition_point(|&i| level[i as usize] >= least);
         (n >= CHOICE * FARTHEST).then_some(n)
     });
     let choice = enough.unwrap_or(order.len());
-    farthest_first(points, &mut order[..choice]);
+    farthest_first(asked, points, &mut order[..choice]);
     let head = FARTHEST.min(choice);
     order[head..choice].par_sort_unstable_by_key(by_level);
     order
 }
 
 /// Puts [`FARTHEST`] points first, each of which is as far from those before it as any is.
-fn farthest_first(points: &[Vec3], order: &mut [u32]) {
+fn farthest_first(asked: Asked<'_>, points: &[Vec3], order: &mut [u32]) {
     let place: Vec<[f32; 3]> = order.iter().map(|&i| points[i as usize].map(|v| v as f32)).collect();
     let mut rest: Vec<u32> = (0..order.len() as u32).collect();
     let mut squared = vec![f32::MAX; order.len()];
     let mut chosen = Vec::with_capacity(FARTHEST);
     let mut next = 0;
     while chosen.len() < FARTHEST && !rest.is_empty() {
+        asked.ask();
         let last = rest.swap_remove(next);
         chosen.push(last);
         let [x, y, z] = place[last as usize];
@@ -94,7 +103,7 @@ mod tests {
     #[test]
     fn the_first_points_are_spread_over_the_whole_cloud() {
         let points: Vec<Vec3> = (0..400).map(|i| [f64::from(i % 20), f64::from(i / 20), 0.0]).collect();
-        let order = by_detail(&points, 1.0);
+        let order = by_detail(Asked::default(), &points, 1.0);
         let mut sorted = order.clone();
         sorted.sort_unstable();
         assert_eq!(sorted, (0..400).collect::<Vec<u32>>(), "every point once");
@@ -109,7 +118,7 @@ mod tests {
     fn the_first_points_lie_as_far_apart_as_they_can() {
         // 10 000 points on a square of 100: n spots at best lie about 100 / √n apart.
         let points: Vec<Vec3> = (0..10_000).map(|i| [f64::from(i % 100), f64::from(i / 100), 0.0]).collect();
-        let order = by_detail(&points, 1.0);
+        let order = by_detail(Asked::default(), &points, 1.0);
         for n in [10_usize, 50, 200, 1000] {
             let first: Vec<Vec3> = order[..n].iter().map(|&i| points[i as usize]).collect();
             let apart = |a: &Vec3, b: &Vec3| (a[0] - b[0]).hypot(a[1] - b[1]);
@@ -125,7 +134,7 @@ mod tests {
     fn each_level_has_one_point_for_each_of_its_cells() {
         let points: Vec<Vec3> =
             (0..40_000).map(|i| [f64::from(i % 200) - 100.0, f64::from(i / 200), 0.5]).collect();
-        let order = by_detail(&points, 1.0);
+        let order = by_detail(Asked::default(), &points, 1.0);
         for edge in [4.0_f64, 2.0] {
             let cell = |i: u32| points[i as usize].map(|v| (v / edge).floor() as i64);
             let mut cells: Vec<_> = (0..40_000).map(cell).collect();

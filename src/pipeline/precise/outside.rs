@@ -10,6 +10,7 @@ use super::pieces::Pieces;
 use super::reach::within;
 use super::survey::Cells;
 use crate::geometry::{Vec3, add, scale};
+use crate::pipeline::stop::Asked;
 
 /// The ball that air outside lets pass, mm.
 const BALL_MM: f64 = 4.0;
@@ -64,14 +65,16 @@ impl Open {
     /// cuts the patient: what is cut open there (a mouth, a windpipe, a sinus) is no outside. Another
     /// body lets pass, and so does what hangs on the patient, for the skin behind it is skin where a gap
     /// shows it; but not into the body.
-    pub(super) fn find(patient: &Patient) -> Self {
+    pub(super) fn find(asked: Asked<'_>, patient: &Patient) -> Self {
         let (cells, kinds) = (patient.survey.cells, &patient.kinds);
-        let laid_open = patient.field_border.laid_open(&patient.survey, kinds);
+        let laid_open = patient.field_border.laid_open(asked, &patient.survey, kinds);
         let shut = |i: usize| patient.survey.below[i] || laid_open.get(i).is_some_and(|l| *l);
-        let mut open = flood(&cells, |i| matches!(kinds[i], Cell::Patient | Cell::Attached) || shut(i));
+        let mut open =
+            flood(asked, &cells, |i| matches!(kinds[i], Cell::Patient | Cell::Attached) || shut(i));
         if kinds.contains(&Cell::Attached) {
-            let through = flood(&cells, |i| kinds[i] == Cell::Patient || shut(i));
-            open.par_iter_mut().zip(through).enumerate().for_each(|(i, (open, through))| {
+            let through = flood(asked, &cells, |i| kinds[i] == Cell::Patient || shut(i));
+            open.par_iter_mut().zip(through).enumerate().panic_fuse().for_each(|(i, (open, through))| {
+                asked.ask_at(i);
                 let solid = kinds[i] == Cell::Patient || shut(i);
                 if solid != (*open == SOLID) {
                     *open = ENCLOSED;
@@ -95,13 +98,14 @@ impl Open {
 }
 
 /// What a ball reaches from the sides of the scan past what is solid.
-fn flood(cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<u8> {
-    let tight = within(cells.shape, cells.squared(BALL_MM), &solid);
-    let free = Pieces::of(cells.shape, |i| !tight[i]);
+fn flood(asked: Asked<'_>, cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<u8> {
+    let tight = within(asked, cells.shape, cells.squared(BALL_MM), &solid);
+    let free = Pieces::of(asked, cells.shape, |i| !tight[i]);
     drop(tight);
     let reached = reached_from_the_sides(cells, &free);
     let mut ball = vec![false; cells.len()];
     for z in 0..cells.shape[2] {
+        asked.ask();
         for y in 0..cells.shape[1] {
             for run in free.row(z, y).iter().filter(|r| reached[r.piece as usize]) {
                 let base = cells.offset([0, y, z]);
@@ -109,7 +113,7 @@ fn flood(cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<u8> {
             }
         }
     }
-    let swept = within(cells.shape, cells.squared(BALL_MM + 0.5 * cells.edge), |i| ball[i]);
+    let swept = within(asked, cells.shape, cells.squared(BALL_MM + 0.5 * cells.edge), |i| ball[i]);
     let state = |i: usize| {
         if solid(i) {
             SOLID
@@ -124,12 +128,12 @@ fn flood(cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<u8> {
 
 impl Outside {
     /// The open air, and of the narrow air beside it what is a fold of the skin and what a canal.
-    pub(super) fn find(patient: &Patient) -> Self {
-        let Open { cells, mut open } = Open::find(patient);
-        close_canals(&cells, &mut open);
+    pub(super) fn find(asked: Asked<'_>, patient: &Patient) -> Self {
+        let Open { cells, mut open } = Open::find(asked, patient);
+        close_canals(asked, &cells, &mut open);
         // Both cells' corners on the way to the furthest place that is asked.
         let reach = ((STEPS_OUT[0] + 3f64.sqrt()).powi(2)).floor() as u16;
-        let near = within(cells.shape, reach, |i| matches!(open[i], OPEN | CANAL | SHUT));
+        let near = within(asked, cells.shape, reach, |i| matches!(open[i], OPEN | CANAL | SHUT));
         Self { cells, open, near }
     }
 

@@ -10,7 +10,7 @@ pub(super) fn parted<A: Send + Sync + Clone, D: Send + Sync + Clone>(
     results: impl IndexedParallelIterator<Item = Result<A, D>>,
 ) -> (Vec<A>, Vec<D>) {
     let empty = || (Vec::with_capacity(AT_ONCE), Vec::new());
-    let parts = results.fold_chunks(AT_ONCE, empty, |(mut accepted, mut doubtful), one| {
+    let parts = results.panic_fuse().fold_chunks(AT_ONCE, empty, |(mut accepted, mut doubtful), one| {
         match one {
             Ok(one) => accepted.push(one),
             Err(doubt) => doubtful.push(doubt),

@@ -13,6 +13,7 @@ use super::kinds::Cell;
 use super::large::{Bounds, LARGEST_PART_MM, are_large};
 use super::pieces::Pieces;
 use super::survey::Cells;
+use crate::pipeline::stop::Asked;
 
 /// Ears and noses reach no further from the body, mm.
 const FURTHEST_MM: f64 = 45.0;
@@ -30,12 +31,13 @@ const ENCLOSED: f64 = 0.65;
 /// Marks as [`Cell::Other`] what hangs on nothing, and as [`Cell::Attached`] what hangs on the body (the
 /// patient's cells that are `near` the core) and is foreign; `is_open` tells the air outside.
 pub(super) fn judge(
+    asked: Asked<'_>,
     cells: &Cells,
     kinds: &mut [Cell],
     near: &[bool],
     is_open: impl Fn(usize) -> bool + Sync,
 ) {
-    let (apart, attached) = foreign(cells, kinds, near, is_open);
+    let (apart, attached) = foreign(asked, cells, kinds, near, is_open);
     for i in apart {
         kinds[i] = Cell::Other;
     }
@@ -45,23 +47,28 @@ pub(super) fn judge(
 }
 
 fn foreign(
+    asked: Asked<'_>,
     cells: &Cells,
     kinds: &[Cell],
     near: &[bool],
     is_open: impl Fn(usize) -> bool + Sync,
 ) -> (Vec<usize>, Vec<usize>) {
     let is_body = |i: usize| kinds[i] == Cell::Patient && near[i];
-    let parts = Parts::of(cells, |i| kinds[i] == Cell::Patient && !near[i], is_body);
-    let in_view = |i: &usize| enclosure(cells, *i, is_body) < ENCLOSED;
+    let parts = Parts::of(asked, cells, |i| kinds[i] == Cell::Patient && !near[i], is_body);
+    let in_view = |i: &usize| {
+        asked.ask();
+        enclosure(cells, *i, is_body) < ENCLOSED
+    };
     let stands_free = |i: usize| stands_free(cells, i, |j| kinds[j] != Cell::Air, &is_open);
-    let long: Vec<usize> = parts.long.into_par_iter().filter(in_view).collect();
-    let is_large = are_large(cells, &long, stands_free);
+    let long: Vec<usize> = parts.long.into_par_iter().panic_fuse().filter(in_view).collect();
+    let is_large = are_large(asked, cells, &long, stands_free);
     let mut attached: Vec<usize> =
         long.into_iter().zip(is_large).filter(|(_, large)| *large).map(|(i, _)| i).collect();
     for (part, roots) in parts.short {
+        asked.ask();
         let foot_mm2 = roots.len() as f64 * cells.edge * cells.edge;
         if foot_mm2 <= LARGEST_FOOT_MM2 && reach(cells, &part, &roots) > FURTHEST_MM {
-            let part: Vec<usize> = part.into_par_iter().filter(in_view).collect();
+            let part: Vec<usize> = part.into_par_iter().panic_fuse().filter(in_view).collect();
             let free = part.par_iter().filter(|i| stands_free(**i)).count();
             if 2 * free >= part.len() {
                 attached.extend(part);
@@ -83,13 +90,15 @@ struct Parts {
 
 impl Parts {
     fn of(
+        asked: Asked<'_>,
         cells: &Cells,
         is_thin: impl Fn(usize) -> bool + Sync,
         is_body: impl Fn(usize) -> bool + Sync,
     ) -> Self {
-        let pieces = Pieces::of(cells.shape, is_thin);
+        let pieces = Pieces::of(asked, cells.shape, is_thin);
         let mut found: Vec<(Bounds, Vec<usize>)> = vec![Default::default(); pieces.sizes().len()];
         pieces.each_row(|[y, z], run| {
+            asked.ask_at(y);
             let (bounds, roots) = &mut found[run.piece as usize];
             for x in run.start as usize..run.end as usize {
                 bounds.add([x, y, z]);
@@ -102,6 +111,7 @@ impl Parts {
         let mut parts = Self { apart: Vec::new(), long: Vec::new(), short: Vec::new() };
         let mut short: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
         pieces.each_row(|[y, z], run| {
+            asked.ask_at(y);
             let start = cells.offset([run.start as usize, y, z]);
             let run_of = start..start + (run.end - run.start) as usize;
             let (bounds, roots) = &found[run.piece as usize];
@@ -181,7 +191,9 @@ mod tests {
         let mut kinds: Vec<Cell> = (0..cells.len()).map(|i| kind(cells.cell(i))).collect();
         let before = kinds.clone();
         let near: Vec<bool> = (0..cells.len()).map(|i| body(cells.cell(i))).collect();
-        judge(&cells, &mut kinds, &near, |i| before[i] == Cell::Air && !cavity(cells.cell(i)));
+        judge(Asked::default(), &cells, &mut kinds, &near, |i| {
+            before[i] == Cell::Air && !cavity(cells.cell(i))
+        });
         let expected = |at| match at {
             at if body(at) || ear(at) || nose(at) => Cell::Patient,
             at if plate(at) || rod(at) => Cell::Attached,

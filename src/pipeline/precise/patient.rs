@@ -57,39 +57,42 @@ impl Patient {
     pub(super) fn find(space: &Space, levels: &Levels, field: &Field) -> Option<Self> {
         let [nz, ny, nx] = space.shape;
         let upper = levels.upper().ceil() as i16;
-        let clear = Rows::of(nx, space.hu, |&v| v >= upper);
+        let clear = Rows::of(space.asked(), nx, space.hu, |&v| v >= upper);
         space.ask();
-        let pieces = Pieces::of_rows([nx, ny, nz], &clear);
+        let pieces = Pieces::of_rows(space.asked(), [nx, ny, nz], &clear);
         space.ask();
         let survey = Survey::of(space, field, Cells::over(crop::bounds(space, field, levels), EDGE_MM));
         let cells = survey.cells;
         space.ask();
         let mut kinds = tissue(&survey, levels);
         space.ask();
-        let couch = couch::mark(&survey, &mut kinds);
+        let couch = couch::mark(space.asked(), &survey, &mut kinds);
         space.ask();
-        let mut core = core(&cells, &kinds)?;
+        let mut core = core(space, &cells, &kinds)?;
         space.ask();
         let own = own_pieces(space, &pieces, &cells, &core);
-        let owner = |i: usize| owner(space, &pieces, &own, cells.centre(cells.cell(i)), cells.edge);
-        let thick = || opened(&cells, |i| kinds[i] != Cell::Air);
+        let owner = |i: usize| {
+            space.ask_at(i);
+            owner(space, &pieces, &own, cells.centre(cells.cell(i)), cells.edge)
+        };
+        let thick = || opened(space, &cells, |i| kinds[i] != Cell::Air);
         space.ask();
         let lent = lent(&couch, owner, thick);
         if !lent.is_empty() {
             for &i in &lent {
                 kinds[i] = Cell::Patient;
             }
-            core = self::core(&cells, &kinds)?;
+            core = self::core(space, &cells, &kinds)?;
         }
         space.ask();
-        kinds.par_iter_mut().enumerate().for_each(|(i, kind)| {
+        kinds.par_iter_mut().enumerate().panic_fuse().for_each(|(i, kind)| {
             if *kind == Cell::Patient && !core[i] {
                 *kind = owner(i);
             }
         });
         space.ask();
         let reach = cells.squared(BALL_MM + SKIN_MM);
-        let near = within(cells.shape, reach, |i| core[i]);
+        let near = within(space.asked(), cells.shape, reach, |i| core[i]);
         drop(core);
         // What is thin there is the holder where it is not seen apart.
         for i in lent.into_iter().filter(|&i| !near[i]) {
@@ -99,13 +102,14 @@ impl Patient {
         let field_border = FieldBorder::of(space, levels, field, &survey);
         let mut patient = Self { survey, kinds, near_foreign: Vec::new(), field_border, pieces, own };
         space.ask();
-        let open = Open::find(&patient);
+        let open = Open::find(space.asked(), &patient);
         space.ask();
         sheets::peel(space, levels, &patient.survey.cells, &mut patient.kinds, |i| open.is_open(i));
         space.ask();
-        parts::judge(&patient.survey.cells, &mut patient.kinds, &near, |i| open.is_open(i));
+        let (asked, cells) = (space.asked(), patient.survey.cells);
+        parts::judge(asked, &cells, &mut patient.kinds, &near, |i| open.is_open(i));
         space.ask();
-        patient.look_for_foreign();
+        patient.look_for_foreign(space);
         Some(patient)
     }
 
@@ -115,10 +119,10 @@ impl Patient {
         cells.at(place).is_some_and(|cell| self.near_foreign[cells.offset(cell)])
     }
 
-    fn look_for_foreign(&mut self) {
+    fn look_for_foreign(&mut self, space: &Space) {
         let (cells, kinds) = (&self.survey.cells, &self.kinds);
         let foreign = |i: usize| matches!(kinds[i], Cell::Attached | Cell::Other);
-        self.near_foreign = within(cells.shape, cells.squared(FOREIGN_MM), foreign);
+        self.near_foreign = within(space.asked(), cells.shape, cells.squared(FOREIGN_MM), foreign);
     }
 
     /// How far behind a border at `p` with the outward normal `n` the first clear tissue is that no
@@ -147,9 +151,10 @@ impl Patient {
 }
 
 /// The cells of the body: the largest piece that the ball leaves; `None` if it leaves nothing.
-fn core(cells: &Cells, kinds: &[Cell]) -> Option<Vec<bool>> {
-    let at_border = within(cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
-    let inner = Pieces::of(cells.shape, |i| !at_border[i]);
+fn core(space: &Space, cells: &Cells, kinds: &[Cell]) -> Option<Vec<bool>> {
+    let asked = space.asked();
+    let at_border = within(asked, cells.shape, cells.squared(BALL_MM), |i| kinds[i] != Cell::Patient);
+    let inner = Pieces::of(asked, cells.shape, |i| !at_border[i]);
     let main = inner.largest()?;
     let mut core = vec![false; cells.len()];
     inner.each_row(|[y, z], run| {
@@ -165,13 +170,14 @@ fn core(cells: &Cells, kinds: &[Cell]) -> Option<Vec<bool>> {
 fn own_pieces(space: &Space, pieces: &Pieces, cells: &Cells, core: &[bool]) -> Vec<bool> {
     let row = cells.shape[0];
     let in_row = |r: usize| {
+        space.ask();
         let cells_in = (r * row..(r + 1) * row).filter(|&i| core[i]);
         let mut found: Vec<u32> =
             cells_in.filter_map(|i| piece_at(space, pieces, cells.centre(cells.cell(i)))).collect();
         found.dedup();
         found
     };
-    let found: Vec<Vec<u32>> = (0..core.len() / row).into_par_iter().map(in_row).collect();
+    let found: Vec<Vec<u32>> = (0..core.len() / row).into_par_iter().panic_fuse().map(in_row).collect();
     let mut own = vec![false; pieces.sizes().len()];
     for piece in found.into_iter().flatten() {
         own[piece as usize] = true;
@@ -188,7 +194,7 @@ fn lent(
 ) -> Vec<usize> {
     let (mut lent, mut in_one) = (Vec::new(), Vec::new());
     for outline in couch {
-        let cells = outline.cells.par_iter().copied();
+        let cells = outline.cells.par_iter().copied().panic_fuse();
         let own: Vec<usize> = cells.filter(|&i| owner(i) == Cell::Patient).collect();
         if own.len() as f64 <= LENT * outline.cells.len() as f64 {
             lent.extend(own);
@@ -204,10 +210,10 @@ fn lent(
 }
 
 /// The cells of what is thick: solid cells that a ball in solid cells reaches.
-fn opened(cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
+fn opened(space: &Space, cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
     let reach = cells.squared(BALL_MM);
-    let at_border = within(cells.shape, reach, |i| !solid(i));
-    within(cells.shape, reach, |i| !at_border[i])
+    let at_border = within(space.asked(), cells.shape, reach, |i| !solid(i));
+    within(space.asked(), cells.shape, reach, |i| !at_border[i])
 }
 
 fn piece_at(space: &Space, pieces: &Pieces, p: Vec3) -> Option<u32> {

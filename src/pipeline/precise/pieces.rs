@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::rows::{Rows, next};
+use crate::pipeline::stop::Asked;
 
 /// A stretch of marked cells on one row.
 #[derive(Debug, Clone, Copy)]
@@ -27,14 +28,17 @@ pub(super) struct Pieces {
 
 impl Pieces {
     /// Pieces of the mask of `shape = [nx, ny, nz]` whose cell at an offset is marked.
-    pub(super) fn of(shape: [usize; 3], marked: impl Fn(usize) -> bool + Sync) -> Self {
-        Self::of_rows(shape, &Rows::by([shape[0], shape[1] * shape[2]], marked))
+    pub(super) fn of(asked: Asked<'_>, shape: [usize; 3], marked: impl Fn(usize) -> bool + Sync) -> Self {
+        Self::of_rows(asked, shape, &Rows::by(asked, [shape[0], shape[1] * shape[2]], marked))
     }
 
     /// Pieces of a mask of `shape = [nx, ny, nz]`.
-    pub(super) fn of_rows([nx, ny, nz]: [usize; 3], mask: &Rows) -> Self {
-        let runs = |row| runs_of(mask.row(row), nx);
-        let rows: Vec<Vec<Run>> = (0..ny * nz).into_par_iter().map(runs).collect();
+    pub(super) fn of_rows(asked: Asked<'_>, [nx, ny, nz]: [usize; 3], mask: &Rows) -> Self {
+        let runs = |row| {
+            asked.ask_at(row);
+            runs_of(mask.row(row), nx)
+        };
+        let rows: Vec<Vec<Run>> = (0..ny * nz).into_par_iter().panic_fuse().map(runs).collect();
         let mut first = Vec::with_capacity(rows.len() + 1);
         first.push(0);
         for row in &rows {
@@ -43,6 +47,7 @@ impl Pieces {
         let mut runs: Vec<Run> = rows.into_iter().flatten().collect();
         let mut parents: Vec<u32> = (0..runs.len() as u32).collect();
         for row in 0..ny * nz {
+            asked.ask_at(row);
             if !row.is_multiple_of(ny) {
                 join(&runs, &first, row - 1, row, &mut parents);
             }
@@ -53,6 +58,7 @@ impl Pieces {
         let mut sizes = Vec::new();
         let mut names = vec![u32::MAX; parents.len()];
         for (i, run) in runs.iter_mut().enumerate() {
+            asked.ask_at(i);
             let root = root(&mut parents, i as u32) as usize;
             if names[root] == u32::MAX {
                 names[root] = sizes.len() as u32;
@@ -141,7 +147,7 @@ mod tests {
     fn cells_that_share_a_face_hang_together_and_corners_do_not() {
         // Two layers of 4 × 3: a ring in the first, joined through the second to a far cell.
         let layers = ["##.#", "#..#", "##..", "....", "...#", "...."].concat().into_bytes();
-        let pieces = Pieces::of([4, 3, 2], |i| layers[i] == b'#');
+        let pieces = Pieces::of(Asked::default(), [4, 3, 2], |i| layers[i] == b'#');
         assert_eq!(pieces.at(0, 0, 0), pieces.at(0, 2, 1), "round the corner");
         assert_eq!(pieces.at(0, 0, 3), pieces.at(1, 1, 3), "through the layers");
         assert_ne!(pieces.at(0, 0, 0), pieces.at(0, 0, 3));

@@ -12,7 +12,7 @@ use crate::geometry::scale;
 /// Reads the tissue's level again, now that the edge and its width are known: close behind the
 /// edge, before the next layer begins, with what the air lends to it taken off.
 pub(super) fn refine_levels(space: &Space, width: &Width, regions: &Regions, candidates: &mut [Candidate]) {
-    candidates.par_iter_mut().enumerate().for_each(|(i, c)| {
+    candidates.par_iter_mut().enumerate().panic_fuse().for_each(|(i, c)| {
         space.ask_at(i);
         let (_, air) = regions.levels(i);
         let sigma = width.seen_along(space, c.normal);

@@ -5,6 +5,7 @@ use std::iter;
 use rayon::prelude::*;
 
 use super::rows::{Rows, WORD};
+use crate::pipeline::stop::Asked;
 
 /// Whether a marked cell lies within the square root of `limit` cells of each cell, from centre to
 /// centre. `shape` is `[nx, ny, nz]`, x fastest.
@@ -12,13 +13,18 @@ use super::rows::{Rows, WORD};
 /// The ball is a stack of rows: each row of the result is the union of the rows around it, each
 /// widened by what is left of the reach there. The time grows with the square of the reach; no structure of
 /// the data can make it slow.
-pub(super) fn within(shape: [usize; 3], limit: u16, marked: impl Fn(usize) -> bool + Sync) -> Vec<bool> {
+pub(super) fn within(
+    asked: Asked<'_>,
+    shape: [usize; 3],
+    limit: u16,
+    marked: impl Fn(usize) -> bool + Sync,
+) -> Vec<bool> {
     let [nx, ny, nz] = shape;
-    let first = Rows::by([nx, ny * nz], marked);
+    let first = Rows::by(asked, [nx, ny * nz], marked);
     let held: Vec<bool> = (0..ny * nz).map(|row| first.row(row).iter().any(|word| *word != 0)).collect();
     let reach = usize::from(limit.isqrt());
     let widened: Vec<Rows> =
-        iter::successors(Some(first), |last| Some(last.widened())).take(reach + 1).collect();
+        iter::successors(Some(first), |last| Some(last.widened(asked))).take(reach + 1).collect();
     let ball = ball(limit);
     let union = |row: usize, union: &mut [u64]| {
         let (y, z) = (row % ny, row / ny);
@@ -33,10 +39,11 @@ pub(super) fn within(shape: [usize; 3], limit: u16, marked: impl Fn(usize) -> bo
         }
     };
     let mut near = vec![false; nx * ny * nz];
-    let rows = near.par_chunks_mut(nx).enumerate();
+    let rows = near.par_chunks_mut(nx).enumerate().panic_fuse();
     rows.for_each_init(
         || vec![0; nx.div_ceil(WORD)],
         |words, (row, near)| {
+            asked.ask_at(row);
             union(row, words);
             for (near, word) in near.chunks_mut(WORD).zip(&*words) {
                 near.iter_mut().enumerate().for_each(|(bit, near)| *near = word >> bit & 1 == 1);
@@ -66,7 +73,7 @@ mod tests {
         for (shape, limit) in [([131, 7, 5], 16), ([64, 6, 4], 6), ([3, 9, 1], 0), ([70, 1, 8], 70)] {
             let [nx, ny, nz] = shape;
             let marked = |i: usize| (i * 7919) % 197 == 3;
-            let found = within(shape, limit, marked);
+            let found = within(Asked::default(), shape, limit, marked);
             let at = |i: usize| [i % nx, i / nx % ny, i / (nx * ny)];
             let distance =
                 |i: usize, j: usize| (0..3).map(|a| at(i)[a].abs_diff(at(j)[a]).pow(2)).sum::<usize>();

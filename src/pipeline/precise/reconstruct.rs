@@ -20,12 +20,12 @@ use super::quality::{Quality, QualityLimits};
 use super::regions::{MOST_AIR_OF_WIDE, Regions, most_air};
 use super::skin::{BorderPoint, NoSkin, Skin, SkinPoint};
 use super::space::{Space, along_coarsest};
-use super::stop::unless_stopped;
 use super::stretches::{StretchReason, rows};
 use super::width::Width;
 use super::{assess, ends, order, plateau};
 use crate::dicom::Volume;
 use crate::geometry::{Plane, PlaneSet, Vec3};
+use crate::pipeline::stop::unless_stopped;
 use crate::pipeline::{Observer, Stage};
 
 /// Less soft tissue within bone than this is no head, cm³.
@@ -41,7 +41,7 @@ pub fn reconstruct(
     limits: &QualityLimits,
     observer: &dyn Observer,
 ) -> Result<Skin, NoSkin> {
-    unless_stopped(|| of_held(volume, leaf_mm, limits, observer))
+    unless_stopped(|| of_held(volume, leaf_mm, limits, observer)).unwrap_or(Err(NoSkin::Cancelled))
 }
 
 /// The skin in the slices that hold something.
@@ -91,7 +91,7 @@ fn skin(
     if head.brain_cm3 < LEAST_BRAIN_CM3 {
         return Err(NoSkin::NoHead { brain_cm3: head.brain_cm3, limit_cm3: LEAST_BRAIN_CM3 });
     }
-    let outside = Outside::find(&patient);
+    let outside = Outside::find(space.asked(), &patient);
     go_on(Stage::Outside, 1.0)?;
     let (mut candidates, mut doubtful) = candidates::find(space, levels, &field, &patient, &outside);
     drop(outside);
@@ -100,13 +100,13 @@ fn skin(
     }
     go_on(Stage::Crossings, 0.4)?;
     space.ask();
-    let rough = Regions::of(&candidates, levels, MOST_AIR_OF_WIDE);
+    let rough = Regions::of(space.asked(), &candidates, levels, MOST_AIR_OF_WIDE);
     space.ask();
     let width = Width::of(space, levels, &candidates, &rough);
     space.ask();
     plateau::refine_levels(space, &width, &rough, &mut candidates);
     space.ask();
-    let regions = rough.again(&candidates, levels, most_air(&width));
+    let regions = rough.again(space.asked(), &candidates, levels, most_air(&width));
     space.ask();
     let (mut measured, unclear) = crossings::measure(space, levels, &width, &regions, &candidates);
     drop(candidates);
@@ -127,7 +127,12 @@ fn skin(
     space.ask();
     doubtful.extend(covered.take(space, &mut measured));
     if let Some(filled) = &mut filled {
-        filled.retain(|c| !covered.holds(c.place));
+        let mut item = 0;
+        filled.retain(|c| {
+            item += 1;
+            space.ask_at(item);
+            !covered.holds(c.place)
+        });
     }
     go_on(Stage::Crossings, 1.0)?;
     let all = filled.as_ref().unwrap_or(&measured);
@@ -165,8 +170,8 @@ fn border(space: &Space, measured: &[Crossing], doubtful: &[Doubtful]) -> Vec<Bo
         }
         BorderPoint { index: index.map(|v| v as f32), axis, reason }
     };
-    let accepted = measured.par_iter().map(|c| point(c.place, c.axis, None));
-    accepted.chain(doubtful.par_iter().map(|d| point(d.place, d.axis, Some(d.reason)))).collect()
+    let accepted = measured.par_iter().panic_fuse().map(|c| point(c.place, c.axis, None));
+    accepted.chain(doubtful.par_iter().panic_fuse().map(|d| point(d.place, d.axis, Some(d.reason)))).collect()
 }
 
 /// The clouds that are made: of all planes, and of each.
@@ -188,21 +193,25 @@ impl Clouds {
     /// level-of-detail order.
     fn of(space: &Space, width: &Width, all: &[Crossing], leaf: f64) -> Self {
         let is_of = |c: &Crossing, plane: Option<Plane>| plane.is_none_or(|plane| c.planes.contains(plane));
-        let rivals = Rivals::of(all);
+        let rivals = Rivals::of(space.asked(), all);
         let thinned = |plane: &Option<Plane>| {
             space.ask();
             rivals.thin(leaf, |c| is_of(c, *plane))
         };
-        let thinned: Vec<Vec<Leaf>> = MERGED_AND_PLANES.par_iter().map(thinned).collect();
+        let thinned: Vec<Vec<Leaf>> = MERGED_AND_PLANES.par_iter().panic_fuse().map(thinned).collect();
         // Most crossings that stand for a leaf do so in several clouds.
         let mut chosen: Vec<u32> = thinned.iter().flatten().map(|leaf| leaf.crossing).collect();
-        chosen.par_sort_unstable();
+        chosen.par_sort_unstable_by(|a, b| {
+            space.ask_at(*a as usize);
+            a.cmp(b)
+        });
         chosen.dedup();
         space.ask();
-        let neighbourhood = Neighbourhood::of(all);
+        let neighbourhood = Neighbourhood::of(space.asked(), all);
         let confidence = Confidence::of(space, width);
         let stated: Vec<(Agreement, f64)> = chosen
             .par_iter()
+            .panic_fuse()
             .map(|&i| {
                 space.ask();
                 let c = &all[i as usize];
@@ -220,9 +229,10 @@ impl Clouds {
                 let (agreement, error) = state(leaf);
                 SkinPoint::of(&all[leaf.crossing as usize], agreement.normal, *error, planes)
             };
-            order::by_detail(&places, leaf).par_iter().map(point).collect()
+            order::by_detail(space.asked(), &places, leaf).par_iter().map(point).collect()
         };
-        let clouds: Vec<Vec<SkinPoint>> = thinned.par_iter().zip(&MERGED_AND_PLANES).map(cloud).collect();
+        let clouds: Vec<Vec<SkinPoint>> =
+            thinned.par_iter().zip(&MERGED_AND_PLANES).panic_fuse().map(cloud).collect();
         let mut clouds = clouds.into_iter();
         let mut next = || clouds.next().unwrap_or_default();
         let agreement = |leaf: &Leaf| (all[leaf.crossing as usize].place, state(leaf).0);

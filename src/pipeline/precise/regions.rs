@@ -7,6 +7,7 @@ use super::candidates::Candidate;
 use super::cubes::{Cubes, groups};
 use super::levels::Levels;
 use super::width::Width;
+use crate::pipeline::stop::Asked;
 
 /// Edge of a region, mm.
 const EDGE_MM: f64 = 5.0;
@@ -37,16 +38,23 @@ pub(super) fn most_air(width: &Width) -> f32 {
 impl Regions {
     /// Medians over the candidates of each region; air is never taken for more than `most_air`
     /// relative to air, HU.
-    pub(super) fn of(candidates: &[Candidate], levels: &Levels, most_air: f32) -> Self {
-        let cubes = Cubes::of(candidates.par_iter().map(|c| c.place), EDGE_MM);
-        Self { levels: Vec::new(), cubes }.again(candidates, levels, most_air)
+    pub(super) fn of(asked: Asked<'_>, candidates: &[Candidate], levels: &Levels, most_air: f32) -> Self {
+        let cubes = Cubes::of(asked, candidates.par_iter().map(|c| c.place), EDGE_MM);
+        Self { levels: Vec::new(), cubes }.again(asked, candidates, levels, most_air)
     }
 
     /// The same from candidates in the same places whose levels were read again.
-    pub(super) fn again(self, candidates: &[Candidate], levels: &Levels, most_air: f32) -> Self {
+    pub(super) fn again(
+        self,
+        asked: Asked<'_>,
+        candidates: &[Candidate],
+        levels: &Levels,
+        most_air: f32,
+    ) -> Self {
         let regions = groups(self.cubes.sorted());
         let lowest = if levels.clipped.is_some() { 0.0 } else { LEAST_AIR };
         let of_region = |members: &&[(u64, u32)]| {
+            asked.ask();
             let candidates = || members.iter().map(|m| &candidates[m.1 as usize]);
             let (tissue, air) = (median(candidates().map(|c| c.tissue)), median(candidates().map(|c| c.air)));
             (
@@ -54,7 +62,7 @@ impl Regions {
                 air.clamp(levels.air + lowest, levels.air + most_air),
             )
         };
-        Self { levels: regions.par_iter().map(of_region).collect(), ..self }
+        Self { levels: regions.par_iter().panic_fuse().map(of_region).collect(), ..self }
     }
 
     /// Tissue and air at a candidate, HU.

@@ -3,6 +3,8 @@
 
 use rayon::prelude::*;
 
+use crate::pipeline::stop::Asked;
+
 /// Bits in a word.
 pub(super) const WORD: usize = u64::BITS as usize;
 /// At least so many rows at a time.
@@ -17,24 +19,35 @@ pub(super) struct Rows {
 
 impl Rows {
     /// `[nx, rows]` cells: those whose offset (x fastest) is `marked`.
-    pub(super) fn by([nx, rows]: [usize; 2], marked: impl Fn(usize) -> bool + Sync) -> Self {
-        Self::filled([nx, rows], |start, flags| {
+    pub(super) fn by(
+        asked: Asked<'_>,
+        [nx, rows]: [usize; 2],
+        marked: impl Fn(usize) -> bool + Sync,
+    ) -> Self {
+        Self::filled(asked, [nx, rows], |start, flags| {
             flags.iter_mut().enumerate().for_each(|(i, flag)| *flag = u8::from(marked(start + i)));
         })
     }
 
     /// Rows of `nx` cells: those whose value is `marked`.
-    pub(super) fn of<T: Sync>(nx: usize, values: &[T], marked: impl Fn(&T) -> bool + Sync) -> Self {
-        Self::filled([nx, values.len() / nx], |start, flags| {
+    pub(super) fn of<T: Sync>(
+        asked: Asked<'_>,
+        nx: usize,
+        values: &[T],
+        marked: impl Fn(&T) -> bool + Sync,
+    ) -> Self {
+        Self::filled(asked, [nx, values.len() / nx], |start, flags| {
             flags.iter_mut().zip(&values[start..]).for_each(|(flag, v)| *flag = u8::from(marked(v)));
         })
     }
 
     /// `flag` gets the offset of the first of up to 64 cells and sets those that are marked to 1.
-    fn filled([nx, rows]: [usize; 2], flag: impl Fn(usize, &mut [u8]) + Sync) -> Self {
+    fn filled(asked: Asked<'_>, [nx, rows]: [usize; 2], flag: impl Fn(usize, &mut [u8]) + Sync) -> Self {
         let words = nx.div_ceil(WORD);
         let mut bits = vec![0; words * rows];
-        bits.par_chunks_mut(words).enumerate().with_min_len(AT_ONCE).for_each(|(row, bits)| {
+        let each = bits.par_chunks_mut(words).enumerate().with_min_len(AT_ONCE).panic_fuse();
+        each.for_each(|(row, bits)| {
+            asked.ask_at(row);
             for (k, word) in bits.iter_mut().enumerate() {
                 let mut flags = [0; WORD];
                 flag(row * nx + k * WORD, &mut flags[..WORD.min(nx - k * WORD)]);
@@ -51,10 +64,11 @@ impl Rows {
     }
 
     /// Every row widened by a cell to both sides.
-    pub(super) fn widened(&self) -> Self {
+    pub(super) fn widened(&self, asked: Asked<'_>) -> Self {
         let mut bits = vec![0; self.bits.len()];
         let each = bits.par_chunks_mut(self.words).zip(self.bits.par_chunks(self.words));
-        each.with_min_len(AT_ONCE).for_each(|(out, row)| {
+        each.with_min_len(AT_ONCE).enumerate().panic_fuse().for_each(|(number, (out, row))| {
+            asked.ask_at(number);
             for (k, out) in out.iter_mut().enumerate() {
                 let before = k.checked_sub(1).map_or(0, |j| row[j] >> (WORD - 1));
                 let after = row.get(k + 1).map_or(0, |w| w << (WORD - 1));
@@ -116,7 +130,10 @@ mod tests {
     fn every_cell_has_its_bit() {
         for nx in [1, 7, 63, 64, 65, 130] {
             let offsets: Vec<usize> = (0..nx * 3).collect();
-            let (by, of) = (Rows::by([nx, 3], MARKED), Rows::of(nx, &offsets, |&i| MARKED(i)));
+            let (by, of) = (
+                Rows::by(Asked::default(), [nx, 3], MARKED),
+                Rows::of(Asked::default(), nx, &offsets, |&i| MARKED(i)),
+            );
             for row in 0..3 {
                 let expected: Vec<usize> = (0..nx).filter(|x| MARKED(row * nx + x)).collect();
                 for rows in [&by, &of] {
@@ -137,7 +154,8 @@ mod tests {
 
     #[test]
     fn a_row_is_widened_past_the_end_of_a_word() {
-        let rows = Rows::by([130, 1], |i| matches!(i, 0 | 63 | 100 | 128)).widened();
+        let rows = Rows::by(Asked::default(), [130, 1], |i| matches!(i, 0 | 63 | 100 | 128))
+            .widened(Asked::default());
         let near: Vec<usize> = ones(rows.row(0).iter().copied()).take_while(|&x| x < 130).collect();
         assert_eq!(near, [0, 1, 62, 63, 64, 99, 100, 101, 127, 128, 129]);
     }

@@ -40,23 +40,27 @@ pub(super) fn peel(
     kinds: &mut [Cell],
     open: impl Fn(usize) -> bool + Sync,
 ) {
-    let mut border = border(cells, kinds);
+    let mut border = border(space, cells, kinds);
     border.retain(|&i| cells.around(i).any(|(j, _)| open(j)));
     let layers: Vec<(usize, Layer)> = border
         .par_iter()
-        .filter_map(|&i| {
+        .enumerate()
+        .panic_fuse()
+        .filter_map(|(n, &i)| {
+            space.ask_at(n);
             let normal = normal(cells, kinds, i)?;
             layer(space, levels, cells.centre(cells.cell(i)), normal).map(|l| (i, l))
         })
         .collect();
-    let large = are_large(cells, &layers.iter().map(|l| l.0).collect::<Vec<_>>(), |_| true);
+    let large = are_large(space.asked(), cells, &layers.iter().map(|l| l.0).collect::<Vec<_>>(), |_| true);
     let foreign: Vec<(usize, Layer)> =
         layers.into_iter().zip(large).filter(|(_, large)| *large).map(|(layer, _)| layer).collect();
     if foreign.is_empty() {
         return;
     }
     let mut sheet: Vec<usize> = Vec::new();
-    for (_, layer) in &foreign {
+    for (n, (_, layer)) in foreign.iter().enumerate() {
+        space.ask_at(n);
         let mut depth = -cells.edge;
         while depth <= layer.to + 0.25 * cells.edge {
             let p = add(layer.start, scale(layer.normal, -depth));
@@ -81,7 +85,7 @@ pub(super) fn peel(
         .filter_map(|(_, l)| cells.at(add(l.start, scale(l.normal, -l.behind - 0.3 * cells.edge))))
         .map(|cell| cells.offset(cell))
         .collect();
-    let contact = contact(cells, kinds, &border, &outer, &skin);
+    let contact = contact(space, cells, kinds, &border, &outer, &skin);
     for i in contact {
         kinds[i] = Cell::Attached;
     }
@@ -125,13 +129,14 @@ fn layer(space: &Space, levels: &Levels, start: Vec3, normal: Vec3) -> Option<La
 /// The stretches of the patient's border that are reached along the surface from the outer faces
 /// of the sheets at less cost than from the skin: where the sheet lies on it.
 fn contact(
+    space: &Space,
     cells: &Cells,
     kinds: &[Cell],
     border: &[usize],
     outer: &[(usize, Vec3)],
     skin: &[usize],
 ) -> Vec<usize> {
-    let near = within(cells.shape, cells.squared(CONTACT_MM), |i| kinds[i] == Cell::Attached);
+    let near = within(space.asked(), cells.shape, cells.squared(CONTACT_MM), |i| kinds[i] == Cell::Attached);
     // A turn is told from normals at the same scale on both.
     let thing = |k: Cell| matches!(k, Cell::Patient | Cell::Attached);
     let mut normals: HashMap<usize, Vec3> = HashMap::new();
@@ -140,14 +145,16 @@ fn contact(
     for (i, n) in outer {
         normals.insert(*i, *n);
     }
-    for &i in border.iter().filter(|&&i| kinds[i] == Cell::Patient && near[i]) {
+    for (n, &i) in border.iter().enumerate().filter(|(_, i)| kinds[**i] == Cell::Patient && near[**i]) {
+        space.ask_at(n);
         if let Some(n) = normal_of(cells, kinds, i, thing) {
             normals.insert(i, n);
         }
     }
     let outside_reach: Vec<usize> =
         border.iter().copied().filter(|&i| kinds[i] == Cell::Patient && !near[i]).collect();
-    for i in outside_reach {
+    for (n, i) in outside_reach.into_iter().enumerate() {
+        space.ask_at(n);
         if let Some(n) = normal_of(cells, kinds, i, thing) {
             normals.insert(i, n);
             best.insert(i, (0.0, false));
@@ -164,7 +171,10 @@ fn contact(
         best.insert(*i, (0.0, true));
         queue.push((Reverse(Cost(0.0)), *i, true));
     }
+    let mut step = 0;
     while let Some((Reverse(Cost(cost)), i, foreign)) = queue.pop() {
+        step += 1;
+        space.ask_at(step);
         if best.get(&i) != Some(&(cost, foreign)) {
             continue;
         }
@@ -208,12 +218,14 @@ impl PartialOrd for Cost {
 }
 
 /// The patient's cells that share a face with air.
-fn border(cells: &Cells, kinds: &[Cell]) -> Vec<usize> {
+fn border(space: &Space, cells: &Cells, kinds: &[Cell]) -> Vec<usize> {
     let [nx, ny, nz] = cells.shape;
     let (row, layer) = (nx, nx * ny);
     (1..nz - 1)
         .into_par_iter()
+        .panic_fuse()
         .flat_map_iter(|z| {
+            space.ask();
             let mut found = Vec::new();
             for y in 1..ny - 1 {
                 for x in 1..nx - 1 {

@@ -1,9 +1,9 @@
 //! The volume as a continuous field: where an index is in the patient, and what the scan shows at
 //! a place.
 
-use super::stop::Asked;
 use crate::geometry::{Axis, Grid, Vec3, add, cross, dot, norm, normalised, scale, sub};
 use crate::pipeline::Observer;
+use crate::pipeline::stop::Asked;
 
 /// Read access to a volume by voxel, by fractional index and by place in LPS mm.
 ///
@@ -36,9 +36,6 @@ pub(super) struct Space<'a> {
 /// Voxels so many times longer along one axis of the images than along both others come from slices along
 /// it: the series was reformatted.
 const REFORMATTED: f64 = 1.1;
-
-/// Items of a loop, of some microseconds each at most.
-const ITEMS_BETWEEN_ASKS: usize = 512;
 
 /// Slices no further than this from where even steps would put them count as even, mm.
 const EVEN_MM: f64 = 1e-6;
@@ -107,6 +104,11 @@ impl<'a> Space<'a> {
         self
     }
 
+    /// Whom to ask, for those that see no more of the scan.
+    pub(super) fn asked(&self) -> Asked<'a> {
+        self.asked
+    }
+
     /// Stops here if the observer says so.
     #[inline]
     pub(super) fn ask(&self) {
@@ -117,9 +119,7 @@ impl<'a> Space<'a> {
     /// less than to ask.
     #[inline]
     pub(super) fn ask_at(&self, item: usize) {
-        if item.is_multiple_of(ITEMS_BETWEEN_ASKS) {
-            self.ask();
-        }
+        self.asked.ask_at(item);
     }
 
     fn even_steps(&self) -> Option<[Vec3; 3]> {

@@ -89,14 +89,16 @@ const APART: f64 = 2.5;
 pub(super) fn rows(space: &Space, measured: &[Crossing], doubtful: &[Doubtful]) -> Vec<SliceContour> {
     let mut accepted: BTreeMap<(Plane, u16), f64> = BTreeMap::new();
     let mut rejected: BTreeMap<(Plane, u16), Vec<&Doubtful>> = BTreeMap::new();
-    for c in measured {
+    for (i, c) in measured.iter().enumerate() {
+        space.ask_at(i);
         let index = space.index(c.place);
         for plane in planes_of(c.axis) {
             *accepted.entry((plane, index[across(plane)].round() as u16)).or_default() +=
                 length(space, plane, c.normal);
         }
     }
-    for d in doubtful {
+    for (i, d) in doubtful.iter().enumerate() {
+        space.ask_at(i);
         for plane in planes_of(d.axis) {
             let key = (plane, d.inner[across(plane)]);
             accepted.entry(key).or_default();
@@ -105,6 +107,7 @@ pub(super) fn rows(space: &Space, measured: &[Crossing], doubtful: &[Doubtful]) 
     }
     accepted
         .into_par_iter()
+        .panic_fuse()
         .map(|((plane, index), accepted_mm)| SliceContour {
             plane,
             index: usize::from(index),
@@ -161,6 +164,7 @@ fn stretches(space: &Space, plane: Plane, rejected: &[&Doubtful]) -> Vec<Stretch
         let mut chain = vec![first];
         let mut next = 0;
         while next < chain.len() {
+            space.ask_at(next);
             let (here, [x, y, z]) = (rejected[chain[next]].place, cell(chain[next]));
             next += 1;
             let beside = (0..27).map(|n| [x + n % 3 - 1, y + n / 3 % 3 - 1, z + n / 9 - 1]);

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::crossings::Crossing;
 use super::cubes::{Cubes, groups, key, sorted};
 use crate::geometry::{Vec3, add, dot, norm, normalised, scale, sub};
+use crate::pipeline::stop::Asked;
 
 /// Nodes are linked with those no further away than so many leaves.
 const REACH: f64 = 2.4;
@@ -20,7 +21,9 @@ const SMOOTHED: usize = 30;
 
 /// Nodes, one for each leaf with crossings, and the links between those beside each other.
 #[derive(Debug)]
-pub(super) struct Surface {
+pub(super) struct Surface<'a> {
+    /// Whom the searches over it ask.
+    pub(super) asked: Asked<'a>,
     /// Edge of a leaf, mm.
     pub(super) leaf: f64,
     /// The leaf of each node, as [`key`] names it; ascending.
@@ -73,16 +76,16 @@ impl Link {
     }
 }
 
-impl Surface {
+impl<'a> Surface<'a> {
     /// The mesh of all crossings with leaves of edge `leaf` mm.
-    pub(super) fn of(crossings: &[Crossing], leaf: f64) -> Self {
+    pub(super) fn of(asked: Asked<'a>, crossings: &[Crossing], leaf: f64) -> Self {
         let keyed = |(i, c): (usize, &Crossing)| (key(c.place, leaf), i as u32);
-        let by_leaf = sorted(crossings.par_iter().enumerate().map(keyed));
+        let by_leaf = sorted(asked, crossings.par_iter().enumerate().map(keyed));
         let groups = groups(&by_leaf);
         let (places, normals): (Vec<Vec3>, Vec<Vec3>) =
-            groups.par_iter().map(|group| mean(crossings, group)).unzip();
+            groups.par_iter().panic_fuse().map(|group| mean(asked, crossings, group)).unzip();
         let leaves = groups.iter().map(|group| group[0].0).collect();
-        let linked = linked(&places, &normals, REACH * leaf);
+        let linked = linked(asked, &places, &normals, REACH * leaf);
         let mut starts = Vec::with_capacity(linked.len() + 1);
         let mut count = 0;
         for links in &linked {
@@ -92,7 +95,7 @@ impl Surface {
         starts.push(count);
         let normals = normals.into_iter().map(|n| n.map(|v| v as f32)).collect();
         let ends = linked.concat();
-        let mut surface = Self { leaf, leaves, places, normals, starts, ends, rises: Vec::new() };
+        let mut surface = Self { asked, leaf, leaves, places, normals, starts, ends, rises: Vec::new() };
         surface.rises = surface.rises_over(&surface.smooth());
         surface
     }
@@ -112,6 +115,7 @@ impl Surface {
         let mut steps = vec![Step::default(); gaps.len()];
         let mut across = Vec::with_capacity(self.ends.len());
         for node in 0..self.len() {
+            self.asked.ask_at(node);
             for link in self.links(node) {
                 let (low, high) = (at[node].min(at[link.to]), at[node].max(at[link.to]));
                 let way = norm(sub(self.places[link.to], self.places[node]));
@@ -176,6 +180,7 @@ impl Surface {
         let mut part_of = vec![u32::MAX; self.len()];
         let mut parts = Vec::new();
         for first in 0..self.len() {
+            self.asked.ask_at(first);
             if part_of[first] != u32::MAX || !within(first) {
                 continue;
             }
@@ -186,6 +191,7 @@ impl Surface {
             while next < nodes.len() {
                 let node = nodes[next];
                 next += 1;
+                self.asked.ask_at(next);
                 for link in self.links(node) {
                     if part_of[link.to] == u32::MAX && within(link.to) && whole(node, link) {
                         part_of[link.to] = part;
@@ -202,7 +208,9 @@ impl Surface {
     fn smooth(&self) -> Vec<[f32; 3]> {
         let mut smooth = self.normals.clone();
         for _ in 0..SMOOTHED {
+            self.asked.ask();
             let of_node = |node: usize| {
+                self.asked.ask_at(node);
                 let mut sum = smooth[node];
                 for &other in &self.ends[self.starts[node] as usize..self.starts[node + 1] as usize] {
                     (0..3).for_each(|a| sum[a] += smooth[other as usize][a]);
@@ -210,13 +218,14 @@ impl Surface {
                 let length = (sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]).sqrt().max(1e-6);
                 sum.map(|v| v / length)
             };
-            smooth = (0..self.len()).into_par_iter().map(of_node).collect();
+            smooth = (0..self.len()).into_par_iter().panic_fuse().map(of_node).collect();
         }
         smooth
     }
 
     fn rises_over(&self, smooth: &[[f32; 3]]) -> Vec<f32> {
         let of_node = |node: usize| {
+            self.asked.ask_at(node);
             self.ends[self.starts[node] as usize..self.starts[node + 1] as usize].iter().map(move |&other| {
                 let other = other as usize;
                 let step = sub(self.places[other], self.places[node]);
@@ -224,12 +233,13 @@ impl Surface {
                 normalised(up).map_or(0.0, |up| (dot(step, up) / norm(step)) as f32)
             })
         };
-        (0..self.len()).into_par_iter().flat_map_iter(of_node).collect()
+        (0..self.len()).into_par_iter().panic_fuse().flat_map_iter(of_node).collect()
     }
 }
 
 /// Place and normal of a leaf, those that see the edge most clearly first.
-fn mean(crossings: &[Crossing], group: &[(u64, u32)]) -> (Vec3, Vec3) {
+fn mean(asked: Asked<'_>, crossings: &[Crossing], group: &[(u64, u32)]) -> (Vec3, Vec3) {
+    asked.ask_at(group[0].1 as usize);
     let (mut place, mut normal, mut total) = ([0.0; 3], [0.0; 3], 0.0);
     for c in group.iter().map(|g| &crossings[g.1 as usize]) {
         let weight = 1.0 / (c.error * c.error);
@@ -241,10 +251,11 @@ fn mean(crossings: &[Crossing], group: &[(u64, u32)]) -> (Vec3, Vec3) {
 }
 
 /// For each place those within reach on the same side.
-fn linked(places: &[Vec3], normals: &[Vec3], reach: f64) -> Vec<Vec<u32>> {
-    let cubes = Cubes::of(places.par_iter().copied(), reach);
-    let around = cubes.around();
+fn linked(asked: Asked<'_>, places: &[Vec3], normals: &[Vec3], reach: f64) -> Vec<Vec<u32>> {
+    let cubes = Cubes::of(asked, places.par_iter().copied(), reach);
+    let around = cubes.around(asked);
     let near = |i: usize| {
+        asked.ask_at(i);
         let mut found = Vec::with_capacity(24);
         for row in around[cubes.cube(i)].clone() {
             found.extend(cubes.sorted()[row].iter().map(|member| member.1).filter(|&j| {
@@ -257,5 +268,5 @@ fn linked(places: &[Vec3], normals: &[Vec3], reach: f64) -> Vec<Vec<u32>> {
         }
         found
     };
-    (0..places.len()).into_par_iter().map(near).collect()
+    (0..places.len()).into_par_iter().panic_fuse().map(near).collect()
 }

@@ -52,7 +52,7 @@ impl Survey {
         let mut aside = vec![false; cells.len()];
         let values = hu.par_chunks_mut(nx).zip(seen.par_chunks_mut(nx));
         let rows = values.zip(below.par_chunks_mut(nx)).zip(aside.par_chunks_mut(nx));
-        rows.enumerate().for_each(|(row, (((hu, seen), below), aside))| {
+        rows.enumerate().panic_fuse().for_each(|(row, (((hu, seen), below), aside))| {
             space.ask();
             let start = cells.centre([0, row % ny, row / ny]);
             let line = space.line(start, [cells.edge, 0.0, 0.0]);

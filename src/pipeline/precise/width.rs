@@ -32,6 +32,7 @@ impl Width {
     pub(super) fn of(space: &Space, levels: &Levels, candidates: &[Candidate], regions: &Regions) -> Self {
         let mut sums = [[0.0; 2]; 3];
         for (i, c) in candidates.iter().enumerate() {
+            space.ask_at(i);
             let axis = usize::from(c.axis);
             let step = space.mean_step(axis);
             let cosine = dot(c.normal, step).abs() / norm(step);

@@ -17,7 +17,7 @@ mod read;
 mod write;
 
 pub use read::{Pictures, PicturesError};
-pub use write::write;
+pub(crate) use write::write;
 
 use std::io::{self, Read as _, Write as _};
 
@@ -32,7 +32,7 @@ const MAGIC: [u8; 4] = *b"TPIX";
 const BRICK: usize = 32;
 
 /// Bytes of a file; what would be larger loses shades of grey until it is not.
-const MOST_BYTES: usize = 30_000_000;
+pub(crate) const MOST_BYTES: usize = 30_000_000;
 
 /// Bits of grey that can be lost.
 const MOST_LOST_BITS: u8 = 6;

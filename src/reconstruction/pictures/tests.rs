@@ -6,6 +6,7 @@ use super::{Pictures, PicturesError, write};
 use crate::dicom::{SeriesIdentity, Volume};
 use crate::geometry::{Axis, Grid, Plane};
 use crate::pipeline::precise::{BorderPoint, StretchReason};
+use crate::pipeline::stop::Asked;
 use crate::pipeline::{Contours, Parameters, Reconstruction, Silent, border_picture, picture, reconstruct};
 
 /// No multiple of a brick along any axis.
@@ -49,7 +50,7 @@ fn some(plane: Plane) -> Vec<usize> {
 fn a_stored_picture_of_paper_is_the_drawn_one_pixel_by_pixel() {
     let volume = volume();
     let result = result(&volume);
-    let file = write(&volume, &result).unwrap();
+    let file = write(Asked::default(), &volume, &result).unwrap();
     let pictures = Pictures::open(&file).unwrap();
     let mut coloured = [0; 2];
     for plane in Plane::ALL {
@@ -67,7 +68,10 @@ fn a_stored_picture_of_paper_is_the_drawn_one_pixel_by_pixel() {
     assert!(coloured[0] > 0 && coloured[1] > 0, "rejected and accepted contours are drawn: {coloured:?}");
     assert!(file.len() < SHAPE.iter().product::<usize>(), "{} bytes", file.len());
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    assert!(one.install(|| write(&volume, &result).unwrap()) == file, "the same on any number of threads");
+    assert!(
+        one.install(|| write(Asked::default(), &volume, &result).unwrap()) == file,
+        "the same on any number of threads"
+    );
 }
 
 #[test]
@@ -84,7 +88,7 @@ fn a_stored_picture_of_precise_is_the_drawn_one_pixel_by_pixel() {
         })
         .collect();
     let result = Reconstruction { contours: Contours::Border(border.clone()), ..result(&volume) };
-    let file = write(&volume, &result).unwrap();
+    let file = write(Asked::default(), &volume, &result).unwrap();
     let pictures = Pictures::open(&file).unwrap();
     for plane in Plane::ALL {
         for index in some(plane) {
@@ -97,7 +101,7 @@ fn a_stored_picture_of_precise_is_the_drawn_one_pixel_by_pixel() {
 #[test]
 fn what_is_no_file_of_ours_is_told_and_not_drawn() {
     let volume = volume();
-    let file = write(&volume, &result(&volume)).unwrap();
+    let file = write(Asked::default(), &volume, &result(&volume)).unwrap();
     assert_eq!(Pictures::open(b"PNG").unwrap_err(), PicturesError::Damaged("it is none"));
     for length in (4..file.len()).step_by(file.len() / 50) {
         assert!(matches!(Pictures::open(&file[..length]), Err(PicturesError::Damaged(_))), "{length}");

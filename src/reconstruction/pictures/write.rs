@@ -9,6 +9,7 @@ use super::header::{Header, SCHEMA};
 use super::{BRICK, MAGIC, MOST_BYTES, MOST_LOST_BITS, deflated, marks};
 use crate::dicom::Volume;
 use crate::geometry::{Plane, norm};
+use crate::pipeline::stop::Asked;
 use crate::pipeline::{COLOURS, Reconstruction, WINDOW, grey, marks_of_plane};
 
 /// The file of a reconstruction of `volume`. Deflates brick by brick: beyond the volume it needs no
@@ -16,14 +17,22 @@ use crate::pipeline::{COLOURS, Reconstruction, WINDOW, grey, marks_of_plane};
 ///
 /// # Errors
 /// Those of writing to memory: none.
-pub fn write(volume: &Volume, reconstruction: &Reconstruction) -> io::Result<Vec<u8>> {
+pub(crate) fn write(
+    asked: Asked<'_>,
+    volume: &Volume,
+    reconstruction: &Reconstruction,
+) -> io::Result<Vec<u8>> {
     let mut blocks = Vec::new();
     let mut lengths = [Vec::new(), Vec::new(), Vec::new()];
     for plane in Plane::ALL {
-        let of_slices = marks_of_plane(reconstruction, volume.grid.shape(), plane);
+        let of_slices = marks_of_plane(asked, reconstruction, volume.grid.shape(), plane);
         let packed: Vec<io::Result<Vec<u8>>> = of_slices
             .into_par_iter()
-            .map(|marks| if marks.is_empty() { Ok(Vec::new()) } else { deflated(&marks::bytes_of(&marks)) })
+            .panic_fuse()
+            .map(|marks| {
+                asked.ask();
+                if marks.is_empty() { Ok(Vec::new()) } else { deflated(&marks::bytes_of(&marks)) }
+            })
             .collect();
         for block in packed {
             let block = block?;
@@ -31,12 +40,12 @@ pub fn write(volume: &Volume, reconstruction: &Reconstruction) -> io::Result<Vec
             blocks.extend(block);
         }
     }
-    let (origin, size) = in_view(volume);
+    let (origin, size) = in_view(asked, volume);
     let room = MOST_BYTES.saturating_sub(blocks.len());
-    let (mut lost_bits, mut bricks) = (0, bricks(volume, origin, size, 0)?);
+    let (mut lost_bits, mut bricks) = (0, bricks(asked, volume, origin, size, 0)?);
     while lost_bits < MOST_LOST_BITS && bricks.iter().map(Vec::len).sum::<usize>() > room {
         lost_bits += 1;
-        bricks = self::bricks(volume, origin, size, lost_bits)?;
+        bricks = self::bricks(asked, volume, origin, size, lost_bits)?;
     }
     let header = Header {
         schema: SCHEMA,
@@ -56,18 +65,21 @@ pub fn write(volume: &Volume, reconstruction: &Reconstruction) -> io::Result<Vec
     let mut file = MAGIC.to_vec();
     file.extend(u32::try_from(header.len()).map_err(io::Error::other)?.to_le_bytes());
     file.extend(header);
+    asked.ask();
     bricks.iter().for_each(|brick| file.extend(brick));
     file.extend(blocks);
     Ok(file)
 }
 
 /// First voxel and voxels of the smallest box around all that is not black.
-fn in_view(volume: &Volume) -> ([usize; 3], [usize; 3]) {
+fn in_view(asked: Asked<'_>, volume: &Volume) -> ([usize; 3], [usize; 3]) {
     let [nz, ny, nx] = volume.grid.shape();
     let nothing = ([usize::MAX; 3], [0; 3]);
     let (first, end) = (0..nz)
         .into_par_iter()
+        .panic_fuse()
         .map(|z| {
+            asked.ask();
             let slice = volume.hu.index_axis(ndarray::Axis(0), z);
             let mut found = nothing;
             for (y, row) in slice.outer_iter().enumerate().take(ny) {
@@ -93,12 +105,20 @@ fn joined(a: ([usize; 3], [usize; 3]), b: ([usize; 3], [usize; 3])) -> ([usize; 
 }
 
 /// Every brick, deflated.
-fn bricks(volume: &Volume, origin: [usize; 3], size: [usize; 3], lost_bits: u8) -> io::Result<Vec<Vec<u8>>> {
+fn bricks(
+    asked: Asked<'_>,
+    volume: &Volume,
+    origin: [usize; 3],
+    size: [usize; 3],
+    lost_bits: u8,
+) -> io::Result<Vec<Vec<u8>>> {
     let [nz, ny, nx] = size.map(|voxels| voxels.div_ceil(BRICK));
     (0..nz * ny * nx)
         .into_par_iter()
         .with_min_len(8)
+        .panic_fuse()
         .map(|number| {
+            asked.ask();
             let place = [number / (ny * nx), number / nx % ny, number % nx];
             let voxels = volume.hu.slice_each_axis(|along| {
                 let axis = along.axis.index();

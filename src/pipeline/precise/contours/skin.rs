@@ -25,6 +25,7 @@ impl Contours {
             let t = part as f64 / parts as f64;
             let at = |i: usize| self.distance(k, t, i);
             for r in 0..rows {
+                space.ask();
                 for c in 0..columns {
                     let i = r * columns + c;
                     if !known(i) {
@@ -50,6 +51,7 @@ impl Contours {
         }
         // The lines across the slices.
         for i in 0..rows * columns {
+            space.ask_at(i);
             let (a, b) = (below[i], above[i]);
             if known(i) && (a < 0.0) != (b < 0.0) && steep(i) {
                 let t = self.zero(k, i);
