@@ -2,7 +2,7 @@
 # Damaged series of every codec: whatever gets through without an error and without a doubt must give
 # the cloud of the unharmed series, within 1 mm.
 #   damage.sh TRIPLANAR [SHARED] [ROUNDS]
-# For each codec ROUNDS series (40; about an hour on two cores with all codecs; 5 in the interop run) with one to three slices
+# For each codec ROUNDS series (40; a quarter of an hour on two cores with all codecs; 5 in the interop run) with one to three slices
 # truncated, zeroed from a row on, with a lost or swapped fragment, or with flipped bytes: phantoms and
 # human heads (where the shared data are), small ones and ones with 512 columns. Seeded: a failure names
 # what to repeat; DAMAGE_KEEP=DIR keeps the damaged files that passed quietly, DAMAGE_VERBOSE=1 tells every

@@ -89,7 +89,8 @@ class Unharmed:
 
 
 def ending(triplanar, work, unharmed, clouds):
-    """How a damaged series ended, whether that will do, and what is to be said of it."""
+    """How a damaged series ended, whether that will do, and what is to be said of it. `clouds` makes those of
+    the unharmed series, in whose place its files are then."""
     # A doubt is known once the series is read; only what is read without one is worth the whole computation.
     run = cloud.read(triplanar, unharmed.folder, work)
     if run.code not in cloud.READ:
@@ -99,7 +100,7 @@ def ending(triplanar, work, unharmed, clouds):
     run = cloud.Run(triplanar, unharmed.folder, work)
     if run.code != 0:
         return 'error', True, run.output
-    leaves, crossings = clouds
+    leaves, crossings = clouds()
     off, missing = cloud.farthest(run.points, crossings), cloud.farthest(leaves, run.points)
     if off > MOST_MM:
         return 'quiet and wrong', False, f'quiet, and a point {off:.2f} mm off'
@@ -141,20 +142,29 @@ def main() -> int:
                 failed += 1
                 continue
             key = (part, signed, name if name in codecs.LOSSY else '')
-            of_unharmed = clouds.of(key, unharmed.folder)
             for round_of in range(share):
                 seed = [number, part, round_of]
                 done, pixels, of_files, touched = unharmed.round(np.random.default_rng(seed))
                 unharmed.write(unharmed.folder, pixels, of_files, touched)
+                to = Path(keep or work / 'kept', '_'.join(map(str, seed)))
+                shutil.rmtree(to, ignore_errors=True)
+                to.mkdir(parents=True)
+                for z in touched:
+                    shutil.copy(unharmed.folder / f'{z:04}.dcm', to)
+
+                def restore():
+                    unharmed.write(unharmed.folder, unharmed.pixels, {}, touched)
+
+                def of_unharmed():
+                    restore()
+                    return clouds.of(key, unharmed.folder)
+
                 end, holds, why = ending(triplanar, work, unharmed, of_unharmed)
+                restore()
                 if keep and end not in ('error', 'doubt'):
-                    to = Path(keep, '_'.join(map(str, seed)))
-                    shutil.rmtree(to, ignore_errors=True)
-                    to.mkdir(parents=True)
-                    for z in touched:
-                        shutil.copy(unharmed.folder / f'{z:04}.dcm', to)
                     unharmed.write(to / 'unharmed', unharmed.pixels, {}, touched)
-                unharmed.write(unharmed.folder, unharmed.pixels, {}, touched)
+                else:
+                    shutil.rmtree(to)
                 ended[end] += 1
                 passed, failed = passed + holds, failed + (not holds)
                 if told or not holds:

@@ -27,7 +27,7 @@ const SEVERE_ROWS: usize = 8;
 pub(super) fn of(slice: &[i16], columns: usize) -> Vec<u32> {
     let much = |(a, b): (&i16, &i16)| {
         let step = a.clamp(&SEEN.0, &SEEN.1) - b.clamp(&SEEN.0, &SEEN.1);
-        u16::from((step > MUCH) | (step < -MUCH))
+        u16::from(!(-MUCH..=MUCH).contains(&step))
     };
     let (above, below) = (slice.chunks_exact(columns), slice.chunks_exact(columns).skip(1));
     above.zip(below).map(|(above, below)| above.iter().zip(below).map(much).sum::<u16>().into()).collect()
