@@ -82,6 +82,13 @@ pub enum Error {
     /// The system gives no memory. A700, 503.
     #[error("the system gives no more memory; try again later")]
     OutOfMemory,
+    /// The service's user may not read or write in the data directory, or its disk is read-only; passes
+    /// when the operator gives the rights. A700, 503.
+    #[error(
+        "the service may not read or write in its data directory; give its user the rights to all of \
+         storage.data_dir (/readyz and the log tell where)"
+    )]
+    NotPermitted,
     /// Stored bytes are missing or are not what was received. 0110, 500.
     #[error("{0}")]
     StoredDamaged(String),
@@ -285,7 +292,14 @@ impl Error {
     /// through unchanged when there is room again.
     #[must_use]
     pub fn is_shortage(&self) -> bool {
-        matches!(self, Self::OutOfStorage | Self::OutOfDescriptors | Self::OutOfMemory | Self::Busy(_))
+        matches!(
+            self,
+            Self::OutOfStorage
+                | Self::OutOfDescriptors
+                | Self::OutOfMemory
+                | Self::NotPermitted
+                | Self::Busy(_)
+        )
     }
 
     /// The one table from error to DIMSE status and HTTP problem.
@@ -311,6 +325,7 @@ impl Error {
             Self::StoredDamaged(_) => ("stored-damaged", "Stored data damaged", 0x0110, 500),
             Self::OutOfDescriptors => ("out-of-descriptors", "Out of file descriptors", 0xA700, 503),
             Self::OutOfMemory => ("out-of-memory", "Out of memory", 0xA700, 503),
+            Self::NotPermitted => ("not-permitted", "No rights to the data directory", 0xA700, 503),
             Self::Busy(_) => ("busy", "Busy", 0xA700, 503),
             Self::ShuttingDown => ("shutting-down", "Shutting down", 0xA700, 503),
             Self::MalformedUpload(_) => ("malformed-upload", "Malformed upload", 0xC000, 400),
@@ -373,6 +388,10 @@ impl From<std::io::Error> for Error {
             (ErrorKind::StorageFull | ErrorKind::QuotaExceeded, _) => Self::OutOfStorage,
             (_, Some(EMFILE | ENFILE)) => Self::OutOfDescriptors,
             (ErrorKind::OutOfMemory, _) => Self::OutOfMemory,
+            (ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem, _) => {
+                tracing::error!(%error, "no rights to read or write");
+                Self::NotPermitted
+            }
             _ => Self::internal(error),
         }
     }

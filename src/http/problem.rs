@@ -87,9 +87,11 @@ fn headers(error: &Error) -> HeaderMap {
         Error::Unauthorized => {
             Some((WWW_AUTHENTICATE, HeaderValue::from_static("Bearer realm=\"triplanar\"")))
         }
-        Error::Busy(_) | Error::OutOfDescriptors | Error::OutOfMemory | Error::ShuttingDown => {
-            Some((RETRY_AFTER, RETRY_AFTER_SECONDS))
-        }
+        Error::Busy(_)
+        | Error::OutOfDescriptors
+        | Error::OutOfMemory
+        | Error::NotPermitted
+        | Error::ShuttingDown => Some((RETRY_AFTER, RETRY_AFTER_SECONDS)),
         Error::NotCurrent { retry_after_s, .. } => Some((RETRY_AFTER, HeaderValue::from(*retry_after_s))),
         Error::RangeNotSatisfiable { length } => {
             HeaderValue::from_str(&format!("bytes */{length}")).ok().map(|value| (CONTENT_RANGE, value))

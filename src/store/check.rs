@@ -17,7 +17,7 @@ use super::recovery::{ChoiceRecord, RECORD, ResultRecord};
 use super::verify;
 use super::{Damage, blocking, hashed};
 use crate::config;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::Plane;
 
 /// A file that is not what it should be.
@@ -88,12 +88,7 @@ impl super::Store {
         }
         let checked = check(&reader, &root, in_use).await;
         reader.close().await;
-        checked.map_err(|error| match error {
-            Error::Internal(cause) if cause.downcast_ref().is_some_and(super::open::is_damage) => {
-                OpenError::CatalogLost(root)
-            }
-            error => unusable(error.into()),
-        })
+        checked.map_err(|error| OpenError::from_rows(&root, error))
     }
 }
 

@@ -51,8 +51,9 @@ pub enum OpenError {
     /// There are instances or results, and no catalog.
     #[error(
         "the data directory {path} holds instances or results, but its catalog ({CATALOG}) is missing, empty or \
-         damaged: bring the catalog back from a backup, or make a new one from the files with `triplanar rebuild \
-         --data-dir {path}`",
+         damaged (`triplanar check --data-dir {path}` says more): bring the catalog back from a backup, with \
+         {CATALOG}-wal and {CATALOG}-shm removed first unless they are of the same backup, or make a new one from \
+         the files with `triplanar rebuild --data-dir {path}`",
         path = .0.display()
     )]
     CatalogLost(PathBuf),
@@ -79,6 +80,19 @@ impl From<OpenError> for Error {
     }
 }
 
+impl OpenError {
+    /// What went wrong inside with rows and files, told with its cause.
+    pub(super) fn from_rows(path: &Path, error: Error) -> Self {
+        match error {
+            Error::Internal(cause) if cause.downcast_ref().is_some_and(is_damage) => {
+                Self::CatalogLost(path.to_owned())
+            }
+            Error::Internal(cause) => Self::Unusable { path: path.to_owned(), cause },
+            error => Self::Unusable { path: path.to_owned(), cause: error.into() },
+        }
+    }
+}
+
 impl Store {
     /// Opens the data directory: makes it if it is missing, locks it against a second service,
     /// brings the catalog to this version's schema, removes what a crash left behind.
@@ -96,8 +110,11 @@ impl Store {
         let files = Arc::new(files);
         let file = config.data_dir.join(CATALOG);
         let (kept, path) = (Arc::clone(&files), file.clone());
-        let may_be_new = blocking(move || Ok(kept.keys()?.is_empty())).await;
-        let may_be_new = may_be_new.map_err(|error| unusable(error.into()))?;
+        let may_be_new = blocking(move || Ok(kept.keys().map_err(Error::internal)?.is_empty())).await;
+        let may_be_new = may_be_new.map_err(|error| OpenError::from_rows(&config.data_dir, error))?;
+        if path.is_dir() {
+            return Err(OpenError::CatalogLost(config.data_dir.clone()));
+        }
         if !may_be_new && fs::metadata(path).map_or(0, |metadata| metadata.len()) == 0 {
             return Err(OpenError::CatalogLost(config.data_dir.clone()));
         }
@@ -110,7 +127,11 @@ impl Store {
                 OpenError::CatalogLost(config.data_dir.clone())
             }
             SchemaError::Database(error) => unusable(error.into()),
-            SchemaError::Rows(error) => unusable(error.into()),
+            SchemaError::Damaged(found) => {
+                tracing::error!(found, "the catalog is damaged");
+                OpenError::CatalogLost(config.data_dir.clone())
+            }
+            SchemaError::Rows(error) => OpenError::from_rows(&config.data_dir, error),
         })?;
         let store = Self(Arc::new(Inner {
             catalog,
@@ -122,13 +143,9 @@ impl Store {
             counts: Counts::default(),
             lock,
         }));
-        store.remove_replaced(true).await.map_err(|error| unusable(error.into()))?;
-        store.recover().await.map_err(|error| match error {
-            Error::Internal(cause) if cause.downcast_ref().is_some_and(is_damage) => {
-                OpenError::CatalogLost(config.data_dir.clone())
-            }
-            error => unusable(error.into()),
-        })?;
+        let failed = |error| OpenError::from_rows(&config.data_dir, error);
+        store.remove_replaced(true).await.map_err(failed)?;
+        store.recover().await.map_err(failed)?;
         Ok(store)
     }
 

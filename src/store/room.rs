@@ -1,9 +1,9 @@
 //! Whether there is room, and whether the store can work.
 
-use std::io::Write as _;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::open::is_damage;
 use super::{Store, blocking};
 use crate::error::{Error, Result};
 
@@ -51,18 +51,37 @@ impl Store {
     async fn try_all(&self) -> Readiness {
         let catalog = match self.0.catalog.ping().await {
             Err(_) => Err("the catalog does not answer".to_owned()),
+            Ok(()) if self.is_damaged().await => Err(
+                "the catalog is damaged: stop the service and see `triplanar check`; bring the catalog back from \
+                 a backup or make a new one with `triplanar rebuild`"
+                    .to_owned(),
+            ),
             Ok(()) => self.0.catalog.try_write().await.map_err(|error| match error {
                 Error::Internal(_) => "the catalog can't be written".to_owned(),
                 error => format!("the catalog can't be written: {error}"),
             }),
         };
         let blobs = Arc::clone(&self.0.blobs);
-        let written = blocking(move || Ok(blobs.temporary()?.write_all(&PROBE)?)).await;
-        let data_dir = written.map_err(|error| match error {
-            Error::Internal(_) => "the data directory can't be written".to_owned(),
-            error => format!("the data directory can't be written: {error}"),
-        });
+        let written = blocking(move || Ok(blobs.try_write(&PROBE).err())).await;
+        let data_dir = match written {
+            Ok(None) => Ok(()),
+            Ok(Some(error)) => Err(format!("the data directory can't be written: {error}")),
+            Err(_) => Err("the data directory can't be written".to_owned()),
+        };
         Readiness { catalog, data_dir }
+    }
+
+    /// Whether the catalog's pages are found damaged.
+    async fn is_damaged(&self) -> bool {
+        match self.0.catalog.damage().await {
+            Ok(None) => false,
+            Ok(Some(found)) => {
+                tracing::error!(found, "the catalog is damaged");
+                true
+            }
+            Err(Error::Internal(cause)) => cause.downcast_ref().is_some_and(is_damage),
+            Err(_) => false,
+        }
     }
 
     /// Free bytes on the disk of the data directory.

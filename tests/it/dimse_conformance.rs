@@ -67,6 +67,7 @@ fn the_statement_gives_every_refusal_of_an_instance_its_status() {
         Error::OutOfStorage,
         Error::OutOfDescriptors,
         Error::OutOfMemory,
+        Error::NotPermitted,
         Error::StoredDamaged(String::new()),
         Error::Busy(""),
         Error::ShuttingDown,

@@ -70,4 +70,5 @@ mod store_faults;
 mod store_identity;
 mod store_queue;
 mod store_rebuild;
+mod store_rights;
 mod support;

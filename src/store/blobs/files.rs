@@ -2,7 +2,7 @@
 //! `incoming/` for what is not whole yet.
 
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
@@ -11,6 +11,8 @@ use super::{Blobs, ReadBlob};
 
 /// Files are collected here before they are renamed to their key, on the same file system.
 const INCOMING: &str = "incoming";
+/// What `fsck` makes at the top of a file system, which may be mounted on a folder of blobs.
+const LOST_AND_FOUND: &str = "lost+found";
 /// The folders that hold blobs.
 const FOLDERS: [&str; 2] = [INSTANCES, "results"];
 /// The folder of the instances, with one folder in it for each value of the first two hex digits.
@@ -89,11 +91,13 @@ impl Blobs for Files {
     }
 
     fn read(&self, key: &str) -> io::Result<Vec<u8>> {
-        fs::read(self.root.join(key))
+        let path = self.root.join(key);
+        fs::read(&path).map_err(|error| named(&path, error))
     }
 
     fn open(&self, key: &str) -> io::Result<Box<dyn ReadBlob>> {
-        Ok(Box::new(File::open(self.root.join(key))?))
+        let path = self.root.join(key);
+        Ok(Box::new(File::open(&path).map_err(|error| named(&path, error))?))
     }
 
     fn remove(&self, key: &str) -> io::Result<()> {
@@ -125,6 +129,20 @@ impl Blobs for Files {
         Ok(i64::try_from(since.as_millis()).unwrap_or(i64::MAX))
     }
 
+    fn try_write(&self, bytes: &[u8]) -> io::Result<()> {
+        let shards = (0..=u8::MAX).map(|shard| format!("{INSTANCES}/{shard:02x}"));
+        for folder in shards {
+            rustix::fs::access(self.root.join(&folder), rustix::fs::Access::WRITE_OK)
+                .map_err(|error| named(Path::new(&folder), error.into()))?;
+        }
+        for folder in [INCOMING, "results", "instances/00"] {
+            tempfile::tempfile_in(self.root.join(folder))
+                .and_then(|mut file| file.write_all(bytes))
+                .map_err(|error| named(Path::new(folder), error))?;
+        }
+        Ok(())
+    }
+
     fn keys(&self) -> io::Result<Vec<String>> {
         keys_under(&self.root, FOLDERS.iter().map(|folder| self.root.join(folder)).collect())
     }
@@ -135,14 +153,20 @@ impl Blobs for Files {
 pub(crate) fn keys_under(root: &Path, mut folders: Vec<PathBuf>) -> io::Result<Vec<String>> {
     let mut keys = Vec::new();
     while let Some(folder) = folders.pop() {
-        let entries = match fs::read_dir(folder) {
+        let entries = match fs::read_dir(&folder) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
-            entries => entries?,
+            entries => entries.map_err(|error| named(&folder, error))?,
         };
         for entry in entries {
-            let entry = entry?;
-            if entry.file_type()?.is_dir() {
-                folders.push(entry.path());
+            let entry = entry.map_err(|error| named(&folder, error))?;
+            if entry.file_name() == LOST_AND_FOUND {
+                continue;
+            }
+            let path = entry.path();
+            let kind = entry.file_type().map_err(|error| named(&path, error))?;
+            // A folder may be a link to one on another disk.
+            if kind.is_dir() || kind.is_symlink() && path.is_dir() {
+                folders.push(path);
             } else if let Some(key) = entry.path().strip_prefix(root).ok().and_then(Path::to_str) {
                 keys.push(key.to_owned());
             }
@@ -152,17 +176,31 @@ pub(crate) fn keys_under(root: &Path, mut folders: Vec<PathBuf>) -> io::Result<V
     Ok(keys)
 }
 
+/// The error with the path that it is about; its kind stays, but for shortages, which are told by
+/// their number.
+pub(super) fn named(path: &Path, error: io::Error) -> io::Error {
+    match error.kind() {
+        io::ErrorKind::PermissionDenied
+        | io::ErrorKind::ReadOnlyFilesystem
+        | io::ErrorKind::NotFound
+        | io::ErrorKind::NotADirectory
+        | io::ErrorKind::IsADirectory => io::Error::new(error.kind(), format!("{}: {error}", path.display())),
+        _ => error,
+    }
+}
+
 /// Makes a folder if it is not there.
 fn create_folder(folder: &Path) -> io::Result<()> {
     match fs::create_dir(folder) {
-        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => Err(error),
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => Err(named(folder, error)),
+        Err(_) if !folder.is_dir() => Err(named(folder, io::ErrorKind::NotADirectory.into())),
         _ => Ok(()),
     }
 }
 
 /// Makes the names in `folder` durable.
 pub(super) fn sync_folder(folder: &Path) -> io::Result<()> {
-    File::open(folder)?.sync_all()
+    File::open(folder).and_then(|opened| opened.sync_all()).map_err(|error| named(folder, error))
 }
 
 #[cfg(test)]

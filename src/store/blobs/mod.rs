@@ -35,6 +35,8 @@ pub(crate) trait Blobs: Debug + Send + Sync {
     fn remove_all(&self, prefix: &str) -> io::Result<()>;
     /// When it was last written, Unix ms.
     fn modified_ms(&self, key: &str) -> io::Result<i64>;
+    /// Writes and removes a file in every kind of folder that files go to; the error names the folder.
+    fn try_write(&self, bytes: &[u8]) -> io::Result<()>;
     /// Every key.
     fn keys(&self) -> io::Result<Vec<String>>;
 }

@@ -24,6 +24,11 @@ pub(super) type Pool = sqlx::Pool<Db>;
 /// Takes the write lock at the beginning.
 pub(super) const BEGIN_WRITING: &str = "BEGIN IMMEDIATE";
 
+/// The size of the database, bytes.
+pub(super) const SIZE: &str = "SELECT page_count * page_size FROM pragma_page_count(), pragma_page_size()";
+/// The first fault of its pages, or `ok`.
+pub(super) const QUICK_CHECK: &str = "PRAGMA quick_check(1)";
+
 /// The schema, one numbered step after the other; a released step is never changed.
 pub(super) const MIGRATIONS: &[(i64, &str)] = &[
     (1, include_str!("schema/sqlite/0001_catalog.sql")),

@@ -58,6 +58,9 @@ impl Catalog {
         let (writer, readers) = dialect::open(file).await?;
         let prepared = async {
             let mut connection = writer.acquire().await?;
+            if let Some(found) = readiness::damage(&mut connection).await? {
+                return Err(SchemaError::Damaged(found));
+            }
             schema::migrate(&mut connection, may_be_new).await?;
             Ok(identity::refresh(&mut connection).await?)
         };

@@ -18,6 +18,9 @@ pub(crate) enum SchemaError {
     /// It holds nothing although it must.
     #[error("the catalog is empty")]
     Lost,
+    /// Pages or indices are not what they must be.
+    #[error("the catalog is damaged: {0}")]
+    Damaged(String),
     /// The database's own error.
     #[error(transparent)]
     Database(#[from] sqlx::Error),

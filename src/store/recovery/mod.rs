@@ -28,7 +28,7 @@ use super::reading::REPORT;
 use super::verify::{fingerprint, image_sha256};
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::scan::{self, Encoding, Limits};
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 pub use rebuild::Rebuilt;
 pub(super) use record::RECORD;
@@ -109,7 +109,7 @@ impl Recovery<'_> {
         for key in keys {
             let blobs = Arc::clone(&self.blobs);
             let read = move || {
-                let instance = examine(&*blobs, &key)?;
+                let instance = examine(&*blobs, &key).map_err(Error::internal)?;
                 Ok((key, instance))
             };
             match blocking(read).await? {

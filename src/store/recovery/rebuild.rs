@@ -83,7 +83,8 @@ impl Store {
         };
         let filled = filled.await;
         catalog.close().await;
-        let (blobs, series, reconstructions) = filled.map_err(|error| unusable(error.into()))?;
+        let (blobs, series, reconstructions) =
+            filled.map_err(|error| OpenError::from_rows(&config.data_dir, error))?;
         let former_catalog = exchange(&config.data_dir, &aside).map_err(|error| unusable(error.into()))?;
         Ok(Rebuilt { series, reconstructions, blobs, former_catalog, lost: LOST })
     }
