@@ -146,6 +146,7 @@ async fn established(
 ) {
     let id = Uuid::now_v7();
     let calling = accepted.calling_ae_title.clone();
+    shared.intake.sender_begins(id);
     told_contexts(id, peer, &accepted, &shared.metrics);
     shared.metrics.association_opened();
     let sent = connection.send(&Pdu::AssociationAC(accepted.answer)).await;
@@ -167,6 +168,9 @@ async fn established(
     };
     // A defect of ours must not keep the association's end from the intake.
     let outcome = AssertUnwindSafe(messages).catch_unwind().await;
+    if !matches!(outcome, Ok(Ok(()))) {
+        shared.intake.sender_breaks(id);
+    }
     let word = match &outcome {
         Ok(Ok(())) => "released",
         Ok(Err(fault)) => {
@@ -187,6 +191,9 @@ async fn established(
     let (refused, by_status) = (association.tally.refusals(), association.tally.by_status());
     tracing::info!(association = %id, calling, end = word, stored, duplicate, refused, by_status, "association ended");
     let end = association.end(outcome.as_ref().ok());
+    for instance in association.missing.instances() {
+        shared.intake.lacks(id, Some(instance));
+    }
     if let Err(error) = shared.intake.sender_ended(id, end).await {
         // The quiet time completes its series all the same.
         tracing::error!(association = %id, %error, "the association's end was not recorded");

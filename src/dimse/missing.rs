@@ -3,6 +3,8 @@
 
 use std::collections::BTreeSet;
 
+use crate::dicom::uid::SopInstanceUid;
+
 use super::status::{OUT_OF_RESOURCES, PROCESSING_FAILURE, SUCCESS};
 
 /// So many are known by name; of more it is only known that they are.
@@ -28,6 +30,11 @@ impl Missing {
             OUT_OF_RESOURCES | PROCESSING_FAILURE => self.more = true,
             _ => {}
         }
+    }
+
+    /// Those that are known by name and have not come again.
+    pub(super) fn instances(&self) -> impl Iterator<Item = SopInstanceUid> {
+        self.instances.iter().filter_map(|uid| uid.parse().ok())
     }
 
     /// Whether any has not come again.

@@ -35,8 +35,8 @@ pub(super) const DESCRIBED: [(&str, &str); 8] = [
     ),
     (
         "Triplanar-Doubts",
-        "The reasons of the verdict and the doubts of the series' transfer (`incomplete_transfer`), joined \
-         by commas; `none` if there are none.",
+        "The reasons of the verdict and the doubts of the transfer of its revision (`incomplete_transfer`, \
+         `instances_refused`), joined by commas; `none` if there are none.",
     ),
     (
         "Triplanar-Newer-Revision",
@@ -104,7 +104,7 @@ impl About {
         set(ALGORITHM, &record.algorithm)?;
         let quality = record.quality.as_ref();
         set(VERDICT, &quality.map_or_else(|| "none".to_owned(), |quality| name_of(&quality.verdict)))?;
-        set(DOUBTS, &doubts(record, &series))?;
+        set(DOUBTS, &doubts(record))?;
         if let Some(newer) = Newer::than(context, &series, record.revision).await? {
             let Newer { revision, state, reconstruction } = newer;
             let id = reconstruction.map_or_else(String::new, |id| format!("; reconstruction={id}"));
@@ -123,11 +123,10 @@ impl About {
     }
 }
 
-/// Those of the result, and those of the transfer, which are about the series' latest revision.
-fn doubts(record: &ReconstructionRecord, series: &SeriesRecord) -> String {
+/// Those of the result, and those of the transfer of its revision.
+fn doubts(record: &ReconstructionRecord) -> String {
     let of_result = record.quality.iter().flat_map(|quality| quality.doubts.iter().map(name_of));
-    let latest = record.revision == series.revision;
-    let of_transfer = series.doubts.iter().filter(|_| latest).map(|doubt| doubt.name().to_owned());
+    let of_transfer = record.transfer_doubts.iter().map(|doubt| doubt.name().to_owned());
     let all: Vec<String> = of_result.chain(of_transfer).collect();
     if all.is_empty() { "none".to_owned() } else { all.join(", ") }
 }

@@ -43,7 +43,8 @@ pub(super) struct SeriesView {
     pub sender_end: Option<SenderEnd>,
     /// Why it may not be what its sender meant to send. `incomplete_transfer`: a sender broke off, or
     /// fewer instances came than were announced, and nothing made the series whole since (a word, the
-    /// expected number, a sender that ended well).
+    /// expected number, a later sender that brought what lacked and ended well). `instances_refused`:
+    /// instances of it were refused and are not stored.
     pub doubts: Vec<TransferDoubt>,
     /// Instances that the sender announced.
     pub expected_instances: Option<u64>,
@@ -51,7 +52,7 @@ pub(super) struct SeriesView {
     pub instances: u64,
     /// Their bytes.
     pub bytes: u64,
-    /// Instances that were refused because others are stored under their UIDs.
+    /// Instances that were ever refused; see `refused`.
     pub refused_instances: u64,
     /// Some of its instances came again with a corrected identity, others did not yet: until all have,
     /// its cloud, report and pictures answer 409, and patient and accession number are the former ones.
@@ -134,6 +135,8 @@ pub(super) struct SeriesDetail {
     pub reconstruction: Option<ReconstructionView>,
     /// The reconstruction whose cloud and report are served for it.
     pub clinical: ClinicalView,
+    /// What each of its doubts is about.
+    pub doubt_details: Vec<DoubtView>,
     /// The instances that were refused.
     pub refused: Vec<RefusedView>,
     /// What happened to its identity, the first event first.
@@ -153,11 +156,25 @@ pub(super) struct HistoryView {
     pub at: String,
 }
 
+/// What a doubt of a series' transfer is about.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+pub(super) struct DoubtView {
+    /// The doubt.
+    pub doubt: TransferDoubt,
+    /// What happened and what to do next.
+    pub detail: String,
+}
+
 /// An instance that was refused although its series is known.
 #[derive(Debug, Clone, Serialize, ToSchema)]
 pub(super) struct RefusedView {
     /// The instance.
     pub sop_instance_uid: SopInstanceUid,
+    /// Its study, where that was read.
+    pub study_instance_uid: Option<StudyInstanceUid>,
+    /// Whether it is a doubt of the series: until the instance is stored, or a word says that the
+    /// series is complete.
+    pub held: bool,
     /// Why, as in the problem's URN.
     #[schema(examples("conflicting-instance"))]
     pub code: String,
@@ -208,6 +225,9 @@ pub(super) struct ReconstructionView {
     /// How far the result can be trusted: verdict, its reasons and what was measured. Profile
     /// `precise` alone.
     pub quality: Option<Quality>,
+    /// The doubts of the transfer of its revision: those of the series while that revision is its latest;
+    /// they stay as they are once instances of a newer one come.
+    pub transfer_doubts: Vec<TransferDoubt>,
     /// When it was asked for.
     #[schema(format = DateTime)]
     pub created: String,
@@ -314,6 +334,8 @@ impl From<Refused> for RefusedView {
     fn from(refused: Refused) -> Self {
         Self {
             sop_instance_uid: refused.sop_instance_uid,
+            study_instance_uid: refused.study_instance_uid,
+            held: refused.held,
             code: refused.code,
             times: refused.times,
             last: time(refused.last_ms),
@@ -352,6 +374,7 @@ impl From<ReconstructionRecord> for ReconstructionView {
             algorithm: record.algorithm,
             figures: record.figures,
             quality: record.quality,
+            transfer_doubts: record.transfer_doubts,
             created: time(record.created_ms),
             started: record.started_ms.map(time),
             finished: record.finished_ms.map(time),

@@ -38,12 +38,14 @@ impl Intake {
     }
 
     /// The sender will send nothing more. Where it did not end well, no short quiet time begins, and
-    /// its series are in doubt (`incomplete_transfer`).
+    /// its series are in doubt (`incomplete_transfer`). Nor did it end well if instances of it lack.
     ///
     /// # Errors
     /// The catalog's own.
     pub async fn sender_ended(&self, sender: Uuid, end: SenderEnd) -> Result<()> {
-        let series = self.shared.store.catalog().sender_ended(sender, end, &self.shared.policy).await?;
+        let ended = self.shared.senders.ended(sender, end);
+        let series = self.shared.store.catalog().sender_ended(sender, &ended, &self.shared.policy).await?;
+        let end = ended.end;
         self.shared.timers.notify_one();
         if end.completes().is_none() {
             warn_of_doubt(&series, end);
@@ -58,6 +60,15 @@ impl Intake {
     /// # Errors
     /// The catalog's own.
     pub async fn upload_ended(&self, sender: Uuid) -> Result<Vec<SeriesInstanceUid>> {
+        if self.shared.senders.is_short(sender) {
+            let ended = self.shared.senders.ended(sender, SenderEnd::UploadEnded);
+            let catalog = self.shared.store.catalog();
+            let series = catalog.sender_ended(sender, &ended, &self.shared.policy).await?;
+            self.shared.timers.notify_one();
+            warn_of_doubt(&series, ended.end);
+            return Ok(series);
+        }
+        self.shared.senders.ended(sender, SenderEnd::UploadEnded);
         let ended = self.shared.store.catalog().upload_ended(sender, &self.shared.policy).await?;
         self.shared.timers.notify_one();
         Ok(ended

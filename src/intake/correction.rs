@@ -41,7 +41,8 @@ impl Intake {
         new: &mut NewInstance,
         announced: &Announced,
     ) -> Result<bool> {
-        let (store, policy, sender) = (&self.shared.store, &self.shared.policy, announced.sender.id());
+        let (store, policy, sender) =
+            (&self.shared.store, &self.shared.policy, &self.open_sender(&announced.sender));
         let (uid, series) = (&new.header.sop_instance_uid.clone(), &new.header.series_instance_uid.clone());
         for _ in 0..TRIES {
             let compared = self.compare(&stored, new).await;
@@ -91,7 +92,8 @@ impl Intake {
 
     /// The instance came as it is stored.
     pub(super) async fn confirmed(&self, header: &InstanceHeader, announced: &Announced) -> Result<()> {
-        let (store, policy, sender) = (&self.shared.store, &self.shared.policy, announced.sender.id());
+        let (store, policy, sender) =
+            (&self.shared.store, &self.shared.policy, &self.open_sender(&announced.sender));
         let settled = store.catalog().heard_again(header, sender, policy).await?;
         self.note_settled(&header.series_instance_uid, &settled);
         Ok(())

@@ -12,6 +12,7 @@
 //! | `receipt` | durable, with a row: or a reason why not |
 //! | `correction` | an instance that came again with another identity |
 //! | `duplicate` | an instance whose UID is stored already |
+//! | `senders` | in which order senders began and broke off, and what lacks of them |
 //! | `completeness` | when a series is complete |
 
 mod completeness;
@@ -19,6 +20,7 @@ mod correction;
 mod duplicate;
 mod examination;
 mod receipt;
+mod senders;
 mod spool;
 
 use std::sync::Arc;
@@ -34,7 +36,7 @@ use crate::dicom::scan::Limits;
 use crate::dicom::series;
 use crate::dicom::uid::{SopClassUid, SopInstanceUid, StudyInstanceUid};
 use crate::error::{Error, Result};
-use crate::store::{Policy, Store};
+use crate::store::{OpenSender, Policy, Store};
 use crate::telemetry::{Metrics, SenderKind};
 
 pub use crate::dicom::scan::Encoding;
@@ -114,6 +116,7 @@ struct Shared {
     timers: Notify,
     shut: AtomicBool,
     comparisons: Semaphore,
+    senders: senders::Senders,
     policy: Policy,
     scan_limits: Limits,
     max_instance_bytes: u64,
@@ -140,6 +143,7 @@ impl Intake {
             timers: Notify::new(),
             shut: AtomicBool::new(false),
             comparisons: Semaphore::new(1),
+            senders: senders::Senders::default(),
             policy,
             scan_limits: Limits { max_inflated_bytes: config.intake.max_inflated_bytes, ..Limits::default() },
             max_instance_bytes: config.intake.max_instance_bytes,
@@ -173,10 +177,35 @@ impl Intake {
         Ok(Spool::new(self.shared.store.clone(), self.shared.max_instance_bytes))
     }
 
+    /// The sender begins. One that sends an instance before this was said began with that.
+    pub fn sender_begins(&self, sender: Uuid) {
+        self.shared.senders.begun(sender);
+    }
+
+    /// The sender breaks off now; [`Intake::sender_ended`] must follow.
+    pub fn sender_breaks(&self, sender: Uuid) {
+        self.shared.senders.breaks(sender);
+    }
+
+    /// An instance of the sender lacks, and no series is known to be its own: all that the sender sent
+    /// is in doubt when it has ended. `None`: not even its UID is known.
+    pub fn lacks(&self, sender: Uuid, instance: Option<SopInstanceUid>) {
+        self.shared.senders.lacks(sender, instance);
+    }
+
+    fn open_sender(&self, sender: &Sender) -> OpenSender {
+        let id = sender.id();
+        let is_upload = matches!(sender, Sender::Upload { .. });
+        OpenSender { id, begun: self.shared.senders.begun(id), is_upload }
+    }
+
     /// The sender ended within an instance: nothing of it is kept. What it sent of a series before is in
     /// doubt; of one that it began with this instance nothing is known but what stands here.
     pub(crate) fn cut(&self, sender: &Sender, announced: Option<&str>) {
         let kind = sender.kind();
+        if let Some(instance) = announced.and_then(|uid| uid.parse().ok()) {
+            self.lacks(sender.id(), Some(instance));
+        }
         self.shared.metrics.instance_received(kind, "cut");
         let (id, instance) = (sender.id(), announced.unwrap_or("not told"));
         tracing::warn!(

@@ -7,7 +7,7 @@ use super::spool::Reader;
 use super::{Announced, Intake, Receipt, Spool};
 use crate::dicom::part10;
 use crate::dicom::scan::{self, Scan};
-use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid};
+use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
 use crate::error::{Error, Result};
 use crate::store::{Added, InstanceRecord, Staged, blocking};
 
@@ -24,19 +24,29 @@ impl Intake {
             Ok((examined, reader, announced))
         })
         .await?;
+        let sender = announced.sender.id();
         let scan = match examined {
             Ok(scan) => scan,
-            Err((error, identity)) => {
-                if let Some((series, instance)) = identity {
-                    self.record_refusal(&series, &instance, &error).await;
+            Err((error, Some((series, instance)))) => {
+                self.record_refusal(&series, &instance, &error, None).await;
+                return Err(error);
+            }
+            Err((error, None)) => {
+                if is_damage(&error) {
+                    self.lacks(sender, announced.sop_instance_uid);
                 }
                 return Err(error);
             }
         };
         let header = scan.header.clone();
         let kept = self.keep(scan, reader, &announced).await;
-        if let Err(error) = &kept {
-            self.record_refusal(&header.series_instance_uid, &header.sop_instance_uid, error).await;
+        match &kept {
+            Ok(_) => self.shared.senders.brought(sender, &header.sop_instance_uid),
+            Err(error) => {
+                let study = Some(&header.study_instance_uid);
+                let (series, instance) = (&header.series_instance_uid, &header.sop_instance_uid);
+                self.record_refusal(series, instance, error, study).await;
+            }
         }
         kept
     }
@@ -46,7 +56,8 @@ impl Intake {
         accept_pixels(&scan)?;
         let staged = self.stage(scan, reader).await?;
         let header = staged.header.clone();
-        let (store, policy, sender) = (&self.shared.store, &self.shared.policy, announced.sender.id());
+        let (store, policy, sender) =
+            (&self.shared.store, &self.shared.policy, &self.open_sender(&announced.sender));
 
         let known = store.instance(&header.sop_instance_uid).await?;
         if let Some(stored) = known.filter(|stored| is_same_data_set(stored, &staged)) {
@@ -94,15 +105,29 @@ impl Intake {
 
     /// A refusal of an instance that could be told stands in its series' reports. Passing faults
     /// of ours don't: the sender will try again.
-    async fn record_refusal(&self, series: &SeriesInstanceUid, instance: &SopInstanceUid, error: &Error) {
+    async fn record_refusal(
+        &self,
+        series: &SeriesInstanceUid,
+        instance: &SopInstanceUid,
+        error: &Error,
+        study: Option<&StudyInstanceUid>,
+    ) {
         if error.is_shortage() || matches!(error, Error::Internal(_) | Error::ShuttingDown) {
             return;
         }
         let code = error.mapping().code;
-        if let Err(error) = self.shared.store.catalog().add_refused(series, instance, code).await {
+        if let Err(error) = self.shared.store.catalog().add_refused(series, instance, code, study).await {
             tracing::error!(%series, %instance, code, cause = ?error, "a refusal can't be recorded");
         }
     }
+}
+
+/// Whether what was sent may be a slice that lacks now: not what is of another kind, and not what the
+/// sender will send again.
+fn is_damage(error: &Error) -> bool {
+    let is_of_another_kind =
+        matches!(error, Error::UnsupportedSopClass(_) | Error::UnsupportedTransferSyntax(_));
+    !is_of_another_kind && !error.is_shortage() && !matches!(error, Error::Internal(_) | Error::ShuttingDown)
 }
 
 /// The same bytes in the same transfer syntax, and so the same header.

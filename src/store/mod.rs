@@ -54,7 +54,9 @@ use crate::error::{Error, Result};
 use blobs::{Aside, Blobs};
 use catalog::Catalog;
 
-pub(crate) use catalog::{Added, Completion, End, NewInstance, Policy, Settled, now_ms};
+pub(crate) use catalog::{
+    Added, Completion, End, NewInstance, OpenSender, Policy, SenderEnded, Settled, now_ms,
+};
 pub use check::{Checked, Problem};
 pub(crate) use hashed::Damage;
 pub use hashed::HashedFile;
@@ -62,9 +64,9 @@ pub use open::OpenError;
 pub use queue::{Claim, Fault, Heartbeat, Lease, Outcome, Reclaim};
 pub(crate) use receiving::Staged;
 pub use records::{
-    Clinical, ClinicalChoice, CompleteReason, IdentityChange, IdentityField, InstanceRecord, Page,
-    ReconstructionFilter, ReconstructionId, ReconstructionRecord, ReconstructionState, Refused, SenderEnd,
-    SeriesFilter, SeriesRecord, SeriesState, TransferDoubt, UnfitReason, UnreadableRow,
+    BrokenTransfer, Clinical, ClinicalChoice, CompleteReason, IdentityChange, IdentityField, InstanceRecord,
+    Page, ReconstructionFilter, ReconstructionId, ReconstructionRecord, ReconstructionState, Refused,
+    SenderEnd, SeriesFilter, SeriesRecord, SeriesState, TransferDoubt, UnfitReason, UnreadableRow,
 };
 pub use recovery::{Rebuilt, Recovered, SetAside};
 pub use removing::Swept;

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::catalog::{Chosen, set_sha256};
 use super::records::{
-    Clinical, ClinicalChoice, IdentityChange, InstanceRecord, Page, ReconstructionFilter, ReconstructionId,
-    ReconstructionRecord, Refused, SeriesFilter, SeriesRecord,
+    BrokenTransfer, Clinical, ClinicalChoice, IdentityChange, InstanceRecord, Page, ReconstructionFilter,
+    ReconstructionId, ReconstructionRecord, Refused, SeriesFilter, SeriesRecord,
 };
 use super::recovery::ChoiceRecord;
 use super::source::StoredInstances;
@@ -82,6 +82,14 @@ impl Store {
     /// The catalog's own.
     pub async fn refused(&self, uid: &SeriesInstanceUid) -> Result<Vec<Refused>> {
         self.0.catalog.refused(uid).await
+    }
+
+    /// The senders of a series that broke off and whose break nothing has made good.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn broken_transfers(&self, uid: &SeriesInstanceUid) -> Result<Vec<BrokenTransfer>> {
+        self.0.catalog.broken_transfers(uid).await
     }
 
     /// The bytes of `instances`, in their order.

@@ -9,7 +9,7 @@ use sha2::{Digest as _, Sha256};
 use tempfile::NamedTempFile;
 use uuid::Uuid;
 
-use super::catalog::{Added, Catalog, NewInstance, Policy};
+use super::catalog::{Added, Catalog, NewInstance, OpenSender, Policy};
 use super::verify::{self, is_whole};
 use super::{Store, blocking};
 use crate::dicom::header::InstanceHeader;
@@ -106,7 +106,12 @@ impl Store {
 
     /// Gives a durable instance its row. If that is refused its blob is removed; if there is a row
     /// with its UID, the caller compares the two and then calls [`Store::discard`].
-    pub(crate) async fn enter(&self, new: &NewInstance, sender: Uuid, policy: &Policy) -> Result<Added> {
+    pub(crate) async fn enter(
+        &self,
+        new: &NewInstance,
+        sender: &OpenSender,
+        policy: &Policy,
+    ) -> Result<Added> {
         let added = self.0.catalog.add_instance(new, sender, policy).await;
         if added.is_err() {
             // After a failed commit only the catalog knows whether the row is there. If it can't be

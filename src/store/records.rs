@@ -83,7 +83,8 @@ named! {
         UploadEnded = "upload_ended",
         /// The body broke off, or what it held could not be read to its end.
         UploadBroken = "upload_broken",
-        /// It ended well, but instances had been refused for want of room and did not come again.
+        /// It ended well, but instances had been refused for want of room, or were so damaged that their
+        /// series can't be told, and did not come again.
         InstancesRefused = "instances_refused",
         /// The service stopped, or was stopped, while it sent.
         ServiceStopped = "service_stopped",
@@ -111,8 +112,13 @@ named! {
     /// Why a series may not be what its sender meant to send.
     TransferDoubt {
         /// A sender broke off, or fewer instances came than were announced, and the series was not
-        /// made whole since: by word, by count, or by a sender that ended well.
+        /// made whole since: by word, by count, or by a sender that began later and brought what
+        /// lacked.
         IncompleteTransfer = "incomplete_transfer",
+        /// Instances of it were refused (damaged, of another study, other pixels under a UID that is
+        /// stored) and did not come again in a way that they could be stored, nor did a word say that it
+        /// is complete without them.
+        InstancesRefused = "instances_refused",
     }
 }
 
@@ -273,7 +279,7 @@ pub struct SeriesRecord {
     pub instances: u64,
     /// Their bytes.
     pub bytes: u64,
-    /// Instances refused because other pixels were stored under their UID (see [`Refused`]).
+    /// Instances that were ever refused (see [`Refused`]).
     pub refused_instances: u64,
     /// Some of its instances came again with another identity, others did not yet.
     pub identity_changing: bool,
@@ -297,12 +303,25 @@ pub struct IdentityChange {
 pub struct Refused {
     /// The instance.
     pub sop_instance_uid: SopInstanceUid,
+    /// Its study, where that was read.
+    pub study_instance_uid: Option<StudyInstanceUid>,
+    /// Whether the refusal is a doubt of the series.
+    pub held: bool,
     /// The refusal's code, as in the problem's URN.
     pub code: String,
     /// How often it was sent.
     pub times: u64,
     /// When it was refused last, Unix ms.
     pub last_ms: i64,
+}
+
+/// A sender that broke off, which is held against a series.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BrokenTransfer {
+    /// How it ended.
+    pub end: SenderEnd,
+    /// Instances that are known to have been under way and are not stored.
+    pub missing: u64,
 }
 
 /// A reconstruction.
@@ -344,6 +363,8 @@ pub struct ReconstructionRecord {
     pub figures: Option<Figures>,
     /// How far the result can be trusted, where its profile tells.
     pub quality: Option<Quality>,
+    /// The doubts of the transfer of its revision.
+    pub transfer_doubts: Vec<TransferDoubt>,
     /// Whether a report is stored (a failed one can have one).
     pub has_report: bool,
     /// Whether what its slices' pictures are drawn from is stored; results of 0.1 have none of it.

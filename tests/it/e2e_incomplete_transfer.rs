@@ -11,19 +11,19 @@ use crate::support::scu::{CT, EXPLICIT, Request, Scu, c_store, ct_slice, pdu, pd
 use crate::support::service::{Service, Settings};
 
 /// No quiet time after an end that counts: it would be the reason for which a series is complete.
-fn settings() -> Settings {
+pub(crate) fn settings() -> Settings {
     Settings::new()
         .with("intake.quiet_after_association", "0.001")
         .with("intake.quiet", "2")
         .with("intake.min_slices", "3")
 }
 
-fn series(number: u8) -> String {
+pub(crate) fn series(number: u8) -> String {
     format!("1.2.3.{number}")
 }
 
 /// Stores `indices` of the series on an association that stays open.
-fn stored(service: &Service, number: u8, indices: std::ops::Range<u16>) -> Scu {
+pub(crate) fn stored(service: &Service, number: u8, indices: std::ops::Range<u16>) -> Scu {
     let mut scu = Scu::associate(service.dimse, &Request::new(&[(1, CT, &[EXPLICIT])]));
     for index in indices {
         let instance = format!("{}.{}", series(number), index + 1);
@@ -33,7 +33,7 @@ fn stored(service: &Service, number: u8, indices: std::ops::Range<u16>) -> Scu {
     scu
 }
 
-async fn complete(service: &Service, number: u8) -> Value {
+pub(crate) async fn complete(service: &Service, number: u8) -> Value {
     let begin = Instant::now();
     loop {
         let told = Client::new(service.http).json(&format!("/v1/series/{}", series(number))).await;
@@ -45,7 +45,7 @@ async fn complete(service: &Service, number: u8) -> Value {
     }
 }
 
-async fn is_doubted(service: &Service, number: u8, end: &str) {
+pub(crate) async fn is_doubted(service: &Service, number: u8, end: &str) {
     let told = complete(service, number).await;
     assert_eq!(told["complete_reason"], "quiet", "{told:#}");
     assert_eq!(told["sender_end"], end, "{told:#}");
@@ -108,7 +108,7 @@ fn cut_body(number: u8, head: &str) -> Vec<u8> {
 }
 
 /// A Part 10 file (PS3.10 section 7.1) around a data set in explicit VR.
-fn file(data_set: &[u8], instance: &str) -> Vec<u8> {
+pub(crate) fn file(data_set: &[u8], instance: &str) -> Vec<u8> {
     let mut meta = vec![2, 0, 1, 0, b'O', b'B', 0, 0, 2, 0, 0, 0, 0, 1];
     for (element, uid) in [(0x02_u8, CT), (0x03, instance), (0x10, EXPLICIT), (0x12, "1.2.3.4")] {
         let mut value = uid.as_bytes().to_vec();

@@ -34,6 +34,7 @@ mod e2e_precise;
 mod e2e_protection;
 mod e2e_same_bytes;
 mod e2e_storage;
+mod e2e_transfer_doubts;
 mod geometry_acquisitions;
 mod geometry_left_ear;
 mod geometry_skulls;

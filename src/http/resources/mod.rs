@@ -2,6 +2,7 @@
 
 pub(super) mod clinical;
 pub(super) mod cloud;
+mod doubts;
 pub(super) mod events;
 pub(super) mod health;
 pub(super) mod pages;

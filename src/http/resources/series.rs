@@ -4,7 +4,7 @@ use axum::Json;
 use axum::extract::State;
 use serde::Deserialize;
 
-use super::{checked_cursor, clinical, page_limit, series_record, unfit_detail};
+use super::{checked_cursor, clinical, doubts, page_limit, series_record, unfit_detail};
 use crate::dicom::uid::StudyInstanceUid;
 use crate::error::{Error, Result};
 use crate::http::Context;
@@ -103,6 +103,7 @@ pub(in crate::http) async fn get_series(
     let filter = ReconstructionFilter { series_instance_uid: Some(uid.clone()), state: None };
     let latest = context.store.list_reconstructions(&filter, None, 1).await?.rows.pop();
     let refused = context.store.refused(&uid).await?;
+    let doubt_details = doubts::view(&context, &series, &refused).await?;
     let clinical = clinical::view(&context, &series).await?;
     let unfit_detail = match series.unfit_reason {
         Some(_) => unfit_detail(&context, &uid).await?,
@@ -113,6 +114,7 @@ pub(in crate::http) async fn get_series(
         unfit_detail,
         reconstruction: latest.map(ReconstructionView::from),
         clinical,
+        doubt_details,
         refused: refused.into_iter().map(RefusedView::from).collect(),
         history: context.store.identity_changes(&uid).await?.into_iter().map(HistoryView::from).collect(),
     }))

@@ -145,11 +145,11 @@ async fn store(
         }
     }
     let Finished { id, outcomes, end } = storing.session.finish().await?;
+    // A PACS may store a series in many requests: the quiet time tells the last one.
+    context.intake.sender_ended(id, end).await?;
     if outcomes.is_empty() {
         return Err(Error::EmptyUpload);
     }
-    // A PACS may store a series in many requests: the quiet time tells the last one.
-    context.intake.sender_ended(id, end).await?;
     Ok(response::respond(&outcomes, &storing.identities))
 }
 
@@ -208,6 +208,6 @@ impl Storing {
     async fn begin(&mut self, head: &[u8]) -> Result<Arriving> {
         self.budget.entry()?;
         self.identities.push(Identity::of(head));
-        self.session.begin(String::new()).await
+        self.session.begin(String::new(), head).await
     }
 }

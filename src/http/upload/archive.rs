@@ -27,6 +27,8 @@ const MAX_NAME: usize = 255;
 pub enum SkipReason {
     /// It is no DICOM data set.
     NotDicom,
+    /// It is empty, or begins with nothing but zeros, as a broken copy leaves it.
+    Empty,
     /// It is the index of a medium, not an instance.
     Dicomdir,
     /// It is encrypted.
@@ -38,8 +40,8 @@ pub enum SkipReason {
 /// What the walk finds, in order.
 #[derive(Debug)]
 pub(super) enum Step {
-    /// An instance begins.
-    Begin(String),
+    /// An instance begins, with these bytes.
+    Begin(String, Bytes),
     /// More of its bytes.
     Data(Bytes),
     /// It is whole.
@@ -113,8 +115,7 @@ impl Walk {
         if let Some(reason) = passed_over(&head) {
             return self.skip(name, reason);
         }
-        self.send(Step::Begin(name.to_owned()))?;
-        self.send(Step::Data(head.into()))?;
+        self.send(Step::Begin(name.to_owned(), head.into()))?;
         loop {
             let mut chunk = Vec::with_capacity(CHUNK);
             match content.by_ref().take(CHUNK as u64).read_to_end(&mut chunk) {
@@ -133,7 +134,7 @@ impl Walk {
             Broken::Upload => Err(malformed(cause)),
             Broken::Entry => {
                 // A head that can't be read has begun nothing yet.
-                self.send(Step::Begin(name.to_owned()))?;
+                self.send(Step::Begin(name.to_owned(), Bytes::new()))?;
                 self.send(Step::Broken(cause.to_string()))
             }
         }
@@ -148,7 +149,9 @@ fn head_of(content: &mut impl Read) -> io::Result<Vec<u8>> {
 
 /// Why a file that begins like this is no instance, if it is none.
 pub(super) fn passed_over(head: &[u8]) -> Option<SkipReason> {
-    if Identity::of(head).is_media_directory() {
+    if head.iter().all(|byte| *byte == 0) {
+        Some(SkipReason::Empty)
+    } else if Identity::of(head).is_media_directory() {
         Some(SkipReason::Dicomdir)
     } else if looks_like_dicom(head) {
         None

@@ -161,6 +161,10 @@ pub(super) fn admit(
 async fn finish(context: &Context, received: Received, expect: Option<u64>) -> Result<Response> {
     let Received { session, skipped, .. } = received;
     let Finished { id, outcomes, end } = session.finish().await?;
+    for file in skipped.iter().filter(|file| is_lost_instance(file, &outcomes)) {
+        tracing::warn!(upload = %id, reason = ?file.reason, "a file is empty or zeroed where its fellows are instances");
+        context.intake.lacks(id, None);
+    }
     if let Some(expect) = expect {
         for series in series_of(&outcomes) {
             context.intake.expect(&series, expect).await?;
@@ -183,6 +187,45 @@ async fn finish(context: &Context, received: Received, expect: Option<u64>) -> R
 /// quiet time tells its end.
 fn is_lone_slice(outcomes: &[Outcome]) -> bool {
     matches!(outcomes, [Outcome { result: Ok(receipt), .. }] if receipt.header.frames == 1)
+}
+
+/// Whether an empty file was meant to be an instance: it is named like one that is. Media hold other empty
+/// files too.
+fn is_lost_instance(file: &Skipped, outcomes: &[Outcome]) -> bool {
+    let lost = FileName::of(&file.name);
+    file.reason == SkipReason::Empty
+        && !lost.shape.starts_with('.')
+        && outcomes
+            .iter()
+            .filter(|outcome| outcome.result.is_ok())
+            .any(|outcome| FileName::of(&outcome.name).is_like(&lost))
+}
+
+/// What the name of a file tells of its kind.
+struct FileName {
+    /// The name without its folders, each run of digits as one sign.
+    shape: String,
+    /// Its extension, unless that is a number, as in UIDs.
+    extension: Option<String>,
+}
+
+impl FileName {
+    fn of(path: &str) -> Self {
+        let mut shape = String::new();
+        for letter in path.rsplit(['/', '\\']).next().unwrap_or(path).to_lowercase().chars() {
+            let letter = if letter.is_ascii_digit() { '#' } else { letter };
+            if letter != '#' || !shape.ends_with('#') {
+                shape.push(letter);
+            }
+        }
+        let extension = shape.rsplit_once('.').map(|(_, extension)| extension.to_owned());
+        let extension = extension.filter(|extension| extension != "#");
+        Self { shape, extension }
+    }
+
+    fn is_like(&self, other: &Self) -> bool {
+        self.shape == other.shape || (self.extension.is_some() && self.extension == other.extension)
+    }
 }
 
 fn series_of(outcomes: &[Outcome]) -> std::collections::BTreeSet<SeriesInstanceUid> {

@@ -99,7 +99,8 @@ async fn file(
     }
     let head = head.freeze();
     if head.is_empty() {
-        let arriving = received.session.begin(name).await?;
+        let arriving = received.session.begin(name, &head).await?;
+        received.session.lacks();
         received.session.abandon(arriving, Error::MalformedUpload("the file is empty".to_owned()));
         return Ok(());
     }
@@ -109,7 +110,7 @@ async fn file(
             received.skipped.push(Skipped { name, reason });
             return Ok(());
         }
-        let mut arriving = received.session.begin(name).await?;
+        let mut arriving = received.session.begin(name, &head).await?;
         arriving.write(&head).await?;
         while let Some(chunk) = source.chunk().await? {
             arriving.write(&chunk).await?;
@@ -154,7 +155,11 @@ async fn unpack(received: &mut Received, file: File) -> Result<()> {
 
 async fn take(received: &mut Received, arriving: &mut Option<Arriving>, step: Step) -> Result<()> {
     match step {
-        Step::Begin(name) => *arriving = Some(received.session.begin(name).await?),
+        Step::Begin(name, head) => {
+            let mut begun = received.session.begin(name, &head).await?;
+            begun.write(&head).await?;
+            *arriving = Some(begun);
+        }
         Step::Data(bytes) => {
             if let Some(arriving) = arriving {
                 arriving.write(&bytes).await?;

@@ -7,8 +7,9 @@ use futures_util::stream::FuturesUnordered;
 use tokio::task::{JoinError, JoinHandle};
 use uuid::Uuid;
 
-use crate::dicom::uid::StudyInstanceUid;
+use crate::dicom::uid::{SopInstanceUid, StudyInstanceUid};
 use crate::error::{Error, Result};
+use crate::http::identity::Identity;
 use crate::intake::{Announced, Encoding, Intake, Receipt, Sender, Spool};
 use crate::store::SenderEnd;
 
@@ -39,6 +40,8 @@ pub(in crate::http) struct Session {
     begun: usize,
     /// An instance has begun to arrive and is not whole.
     within: bool,
+    /// What it calls itself, where it is a file that tells.
+    arriving: Option<SopInstanceUid>,
     /// An instance could not be read to its end, or was refused for want of room.
     torn: bool,
     finished: bool,
@@ -65,26 +68,30 @@ pub(in crate::http) struct Arriving {
 impl Session {
     /// A session whose instances must be of `study`, if one is given.
     pub(in crate::http) fn new(intake: Intake, study: Option<StudyInstanceUid>) -> Self {
+        let id = Uuid::now_v7();
+        intake.sender_begins(id);
         Self {
             intake,
-            id: Uuid::now_v7(),
+            id,
             study,
             running: FuturesUnordered::new(),
             outcomes: Vec::new(),
             begun: 0,
             within: false,
+            arriving: None,
             torn: false,
             finished: false,
         }
     }
 
-    /// An instance begins.
+    /// An instance begins, with these bytes.
     ///
     /// # Errors
     /// Only what ends the whole request: no space, shutdown, our own failure.
-    pub(in crate::http) async fn begin(&mut self, name: String) -> Result<Arriving> {
+    pub(in crate::http) async fn begin(&mut self, name: String, head: &[u8]) -> Result<Arriving> {
         let index = self.begun;
         self.begun += 1;
+        self.arriving = Identity::of(head).sop_instance_uid;
         let spool = fatal(self.intake.begin().await)?;
         self.within = true;
         Ok(Arriving { index, name, spool })
@@ -133,8 +140,16 @@ impl Session {
         self.outcomes.push(Outcome { index: arriving.index, name: arriving.name, result: Err(error) });
     }
 
+    /// A file of the request is nothing that can be read, where an instance was meant to be.
+    pub(in crate::http) fn lacks(&self) {
+        self.intake.lacks(self.id, None);
+    }
+
     /// The archive breaks off within the instance.
     pub(in crate::http) fn broken(&mut self, arriving: Arriving, cause: String) {
+        if let Some(instance) = self.arriving.take() {
+            self.intake.lacks(self.id, Some(instance));
+        }
         self.torn = true;
         self.abandon(arriving, Error::MalformedUpload(cause));
     }
@@ -174,12 +189,13 @@ impl Session {
 impl Drop for Session {
     /// A request that broke off: what came of its series waits for the long quiet time, in doubt.
     fn drop(&mut self) {
-        if self.finished || (self.begun == 0 && !self.within) {
+        if self.finished {
             return;
         }
         let (intake, id) = (self.intake.clone(), self.id);
+        intake.sender_breaks(id);
         if self.within {
-            intake.cut(&Sender::Upload { id }, None);
+            intake.cut(&Sender::Upload { id }, self.arriving.as_ref().map(|uid| uid.as_str()));
         }
         let mut running = std::mem::take(&mut self.running);
         tokio::spawn(async move {

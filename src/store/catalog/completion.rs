@@ -4,7 +4,7 @@
 use super::dialect::Connection;
 use super::instances::{set_sha256, signed};
 use super::queue::{self, Enqueued};
-use super::{Catalog, clinical, corrections, reconstructions, rows, senders, series};
+use super::{Catalog, clinical, corrections, reconstructions, rows, senders, series, transfers};
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
@@ -89,7 +89,9 @@ async fn end(
             None => None,
         };
         if reason == CompleteReason::Explicit {
-            senders::set_incomplete(connection, uid, false).await?;
+            transfers::lift(connection, uid).await?;
+            transfers::lift_refusals(connection, uid).await?;
+            transfers::refresh(connection, uid).await?;
         }
         return Ok(End::Already(id));
     }
@@ -125,11 +127,12 @@ async fn end(
     }
     let short = record.expected_instances.is_some_and(|expected| record.instances < expected);
     match reason {
-        CompleteReason::Explicit | CompleteReason::ExpectedInstances => {
-            senders::set_incomplete(connection, uid, false).await?;
+        CompleteReason::Explicit => {
+            transfers::lift(connection, uid).await?;
+            transfers::lift_refusals(connection, uid).await?;
         }
-        _ if short => senders::set_incomplete(connection, uid, true).await?,
-        _ => {}
+        CompleteReason::ExpectedInstances => transfers::lift(connection, uid).await?,
+        _ => transfers::set_short(connection, uid, short).await?,
     }
     let state = if unfit.is_some() { SeriesState::NotReconstructable } else { SeriesState::Complete };
     sqlx::query(
@@ -144,6 +147,7 @@ async fn end(
     .bind(set.as_slice())
     .execute(&mut *connection)
     .await?;
+    transfers::refresh(connection, uid).await?;
     if !record.identity_changing {
         // One patient's identity over all instances, or none.
         let common = |field| corrections::common(headers.iter().map(|header| header.identity.get(field)));

@@ -6,11 +6,10 @@
 //! new or that was sent again as it is stored in that round is confirmed. The change is over when every
 //! other instance has the identity of a confirmed one, and all can be of one patient.
 
-use uuid::Uuid;
-
 use super::completion::Policy;
 use super::dialect::Connection;
 use super::instances::{NewInstance, signed};
+use super::transfers::{self, OpenSender};
 use super::{Catalog, now_ms, queue, rows, senders};
 use crate::dicom::identity::{Identity, parted};
 use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid};
@@ -34,7 +33,7 @@ impl Catalog {
         stored: &InstanceRecord,
         fields: &[IdentityField],
         new: &NewInstance,
-        sender: Uuid,
+        sender: &OpenSender,
         policy: &Policy,
     ) -> Result<Option<Settled>> {
         let (uid, now) = (&new.header.series_instance_uid, now_ms());
@@ -67,6 +66,7 @@ impl Catalog {
         .await?;
         let settled = confirm(&mut tx, uid, &new.header.sop_instance_uid, now).await?;
         senders::heard(&mut tx, uid, sender, &self.process, policy).await?;
+        transfers::brought(&mut tx, uid, &new.header.sop_instance_uid, sender.id, false).await?;
         tx.commit().await?;
         Ok(Some(settled))
     }

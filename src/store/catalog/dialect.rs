@@ -36,6 +36,7 @@ pub(super) const MIGRATIONS: &[(i64, &str)] = &[
     (3, include_str!("schema/sqlite/0003_store.sql")),
     (4, include_str!("schema/sqlite/0004_identity.sql")),
     (5, include_str!("schema/sqlite/0005_results.sql")),
+    (6, include_str!("schema/sqlite/0006_transfers.sql")),
 ];
 
 /// Readers don't wait for the writer (write-ahead log).

@@ -1,15 +1,17 @@
 //! Instances: what is stored, what was refused, and the transaction that enters a new one.
 
-use sha2::{Digest as _, Sha256};
-use uuid::Uuid;
-
 use super::completion::{Completion, Policy, complete};
 use super::dialect::Connection;
+use super::transfers::{self, OpenSender};
 use super::{Catalog, corrections, now_ms, rows, senders, series};
 use crate::dicom::header::InstanceHeader;
-use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid};
+use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
 use crate::error::{Error, Result};
 use crate::store::records::{CompleteReason, InstanceRecord, Refused};
+use sha2::{Digest as _, Sha256};
+
+/// The code of a refusal of what is no slice: nothing lacks without it.
+const NO_SLICE: &str = "unsupported-sop-class";
 
 /// An instance whose bytes are durable and that has no row yet.
 #[derive(Debug, Clone)]
@@ -39,7 +41,7 @@ impl Catalog {
     pub(crate) async fn add_instance(
         &self,
         new: &NewInstance,
-        sender: Uuid,
+        sender: &OpenSender,
         policy: &Policy,
     ) -> Result<Added> {
         let now = now_ms();
@@ -64,6 +66,7 @@ impl Catalog {
         insert(&mut tx, new, now).await?;
         corrections::confirm(&mut tx, uid, &new.header.sop_instance_uid, now).await?;
         senders::heard(&mut tx, uid, sender, &self.process, policy).await?;
+        transfers::brought(&mut tx, uid, &new.header.sop_instance_uid, sender.id, true).await?;
 
         let instances = before.as_ref().map_or(0, |series| series.instances) + 1;
         // Exactly: one more than expected shows that the number was wrong, and the quiet times count.
@@ -115,24 +118,31 @@ impl Catalog {
         Ok((instances, results))
     }
 
-    /// Counts a refusal.
+    /// Counts a refusal, which is a doubt of the series, unless the instance is of a class that is no
+    /// slice. `study`: the instance's own.
     pub(crate) async fn add_refused(
         &self,
         series: &SeriesInstanceUid,
         instance: &SopInstanceUid,
         code: &str,
+        study: Option<&StudyInstanceUid>,
     ) -> Result<()> {
         let mut tx = self.begin().await?;
         sqlx::query(
-            "INSERT INTO refused (series_uid, sop_uid, code, times, last_ms) VALUES ($1, $2, $3, 1, $4) \
-             ON CONFLICT (series_uid, sop_uid, code) DO UPDATE SET times = refused.times + 1, last_ms = excluded.last_ms",
+            "INSERT INTO refused (series_uid, sop_uid, code, times, last_ms, held, study_uid) \
+             VALUES ($1, $2, $3, 1, $4, $5, $6) \
+             ON CONFLICT (series_uid, sop_uid, code) DO UPDATE SET times = refused.times + 1, \
+             last_ms = excluded.last_ms, held = excluded.held, study_uid = excluded.study_uid",
         )
         .bind(series.as_str())
         .bind(instance.as_str())
         .bind(code)
         .bind(now_ms())
+        .bind(code != NO_SLICE)
+        .bind(study.map(|study| study.as_str()))
         .execute(&mut *tx)
         .await?;
+        transfers::refresh(&mut tx, series).await?;
         Ok(tx.commit().await?)
     }
 

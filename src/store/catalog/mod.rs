@@ -24,6 +24,7 @@ mod rows;
 mod schema;
 mod senders;
 mod series;
+mod transfers;
 
 use std::path::Path;
 
@@ -42,6 +43,7 @@ pub(crate) use reader::{CatalogReader, InstanceRow, ResultRow};
 pub(crate) use recovery::Found;
 pub(crate) use removed::Removed;
 pub(crate) use schema::SchemaError;
+pub(crate) use transfers::{Ended as SenderEnded, OpenSender};
 
 /// The catalog of one data directory. Cheap to clone.
 #[derive(Debug, Clone)]

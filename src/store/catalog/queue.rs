@@ -6,7 +6,7 @@ use std::time::Duration;
 use sqlx::Row as _;
 
 use super::dialect::Connection;
-use super::{Catalog, now_ms, reconstructions, rows, series};
+use super::{Catalog, now_ms, reconstructions, rows, series, transfers};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
 use crate::pipeline::Parameters;
@@ -68,6 +68,7 @@ impl Catalog {
                 return Err(Error::Busy("the queue of reconstructions is full (jobs.max_queued)"));
             }
         };
+        transfers::refresh(&mut tx, uid).await?;
         let record = reconstructions::one(&mut tx, id).await?.ok_or(sqlx::Error::RowNotFound)?;
         tx.commit().await?;
         Ok((record, queued))

@@ -5,7 +5,7 @@ use sqlx::Row as _;
 use super::dialect::Connection;
 use super::dump::{self, Columns};
 use super::instances::{NewInstance, find, insert, set_sha256, upsert_series};
-use super::{Catalog, restoring, rows, schema, senders, series};
+use super::{Catalog, restoring, rows, schema, series, transfers};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
 use crate::store::records::ReconstructionId;
@@ -49,7 +49,7 @@ impl Catalog {
         }
         upsert_series(&mut tx, new, modified_ms).await?;
         insert(&mut tx, new, modified_ms).await?;
-        senders::set_incomplete(&mut tx, uid, true).await?;
+        transfers::doubt(&mut tx, uid).await?;
         sqlx::query(
             "UPDATE series SET created_ms = (SELECT MIN(received_ms) FROM instances WHERE series_uid = $1), \
              updated_ms = (SELECT MAX(received_ms) FROM instances WHERE series_uid = $1) WHERE series_uid = $1",

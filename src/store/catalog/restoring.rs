@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use super::dialect::Connection;
 use super::dump::{self, Columns};
 use super::instances::set_sha256;
-use super::{Catalog, clinical, identity, rows, series};
+use super::{Catalog, clinical, identity, rows, series, transfers};
 use crate::dicom::identity::Identity;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
@@ -61,7 +61,7 @@ pub(super) async fn completeness(
         .filter_map(|name| record.series.get(*name).map(|value| ((*name).to_owned(), value.clone())))
         .collect();
     dump::update(connection, "series", &known, ("series_uid", uid.as_str())).await?;
-    Ok(())
+    transfers::restored(connection, uid).await
 }
 
 impl Catalog {

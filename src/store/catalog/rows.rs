@@ -7,13 +7,16 @@ use sqlx::Row as _;
 use sqlx::error::BoxDynError;
 
 use super::dialect::Row;
+use super::transfers::OpenSender;
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::identity::Identity;
+use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Error;
 use crate::pipeline::Stage;
 use crate::store::records::{
-    ClinicalChoice, CompleteReason, InstanceRecord, ReconstructionRecord, ReconstructionState, Refused,
-    SenderEnd, SeriesRecord, SeriesState, TransferDoubt, UnfitReason, UnreadableRow,
+    BrokenTransfer, ClinicalChoice, CompleteReason, InstanceRecord, ReconstructionRecord,
+    ReconstructionState, Refused, SenderEnd, SeriesRecord, SeriesState, TransferDoubt, UnfitReason,
+    UnreadableRow,
 };
 use crate::store::stored::{Unreadable, figure_json, parameter_json, quality_json};
 
@@ -128,11 +131,13 @@ fn series_record(row: &Row) -> Result<SeriesRecord> {
         revision: number(row, "revision")?,
         complete_reason: maybe_named(row, "complete_reason", CompleteReason::from_name)?,
         sender_end: maybe_named(row, "sender_end", SenderEnd::from_name)?,
-        doubts: if row.try_get("incomplete_transfer")? {
-            vec![TransferDoubt::IncompleteTransfer]
-        } else {
-            Vec::new()
-        },
+        doubts: [
+            (TransferDoubt::IncompleteTransfer, flag(row, "incomplete_transfer")?),
+            (TransferDoubt::InstancesRefused, number::<u32>(row, "held_refusals")? > 0),
+        ]
+        .into_iter()
+        .filter_map(|(doubt, held)| held.then_some(doubt))
+        .collect(),
         expected_instances: maybe_number(row, "expected_instances")?,
         instances: number(row, "instances")?,
         bytes: number(row, "bytes")?,
@@ -199,10 +204,37 @@ pub(super) fn identity(row: &Row) -> Result<Identity> {
 pub(super) fn refused(row: &Row) -> Result<Refused> {
     Ok(Refused {
         sop_instance_uid: parsed(row, "sop_uid")?,
+        study_instance_uid: maybe_parsed(row, "study_uid")?,
+        held: flag(row, "held")?,
         code: row.try_get("code")?,
         times: number(row, "times")?,
         last_ms: row.try_get("last_ms")?,
     })
+}
+
+/// A sender and the series that it sends.
+pub(super) fn open_sender(row: &Row) -> Result<(SeriesInstanceUid, OpenSender)> {
+    let sender = OpenSender {
+        id: parsed(row, "sender")?,
+        begun: row.try_get("begun")?,
+        is_upload: flag(row, "is_upload")?,
+    };
+    Ok((parsed(row, "series_uid")?, sender))
+}
+
+pub(super) fn broken_transfer(row: &Row) -> Result<BrokenTransfer> {
+    Ok(BrokenTransfer {
+        end: named(row, "sender_end", SenderEnd::from_name)?,
+        missing: number(row, "missing")?,
+    })
+}
+
+fn transfer_doubts(row: &Row) -> Result<Vec<TransferDoubt>> {
+    let text: &str = row.try_get("transfer_doubts")?;
+    let names = text.split(',').filter(|name| !name.is_empty());
+    let doubt =
+        |name| TransferDoubt::from_name(name).ok_or_else(|| decode_error("transfer_doubts", "unknown name"));
+    names.map(doubt).collect()
 }
 
 pub(super) fn clinical_choice(row: &Row) -> Result<ClinicalChoice> {
@@ -241,6 +273,7 @@ fn reconstruction_record(row: &Row) -> Result<ReconstructionRecord> {
         algorithm: row.try_get("algorithm")?,
         figures: maybe_stored(row, "figures", figure_json::read)?,
         quality: maybe_stored(row, "quality", quality_json::read)?,
+        transfer_doubts: transfer_doubts(row)?,
         has_report: row.try_get("has_report")?,
         has_pictures: row.try_get("has_pictures")?,
         created_ms: row.try_get("created_ms")?,

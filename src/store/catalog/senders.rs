@@ -7,6 +7,7 @@ use super::completion::{Completion, Policy, QUEUE_FULL_RETRY_MS, complete};
 use super::corrections::{self, Settled};
 use super::dialect::Connection;
 use super::instances::signed;
+use super::transfers::{self, Ended, OpenSender};
 use super::{Catalog, now_ms, rows, series};
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::uid::SeriesInstanceUid;
@@ -19,13 +20,14 @@ impl Catalog {
     pub(crate) async fn heard_again(
         &self,
         header: &InstanceHeader,
-        sender: Uuid,
+        sender: &OpenSender,
         policy: &Policy,
     ) -> Result<Settled> {
         let uid = &header.series_instance_uid;
         let mut tx = self.begin().await?;
         let settled = corrections::confirm(&mut tx, uid, &header.sop_instance_uid, now_ms()).await?;
         heard(&mut tx, uid, sender, &self.process, policy).await?;
+        transfers::brought(&mut tx, uid, &header.sop_instance_uid, sender.id, false).await?;
         tx.commit().await?;
         Ok(settled)
     }
@@ -36,30 +38,33 @@ impl Catalog {
     pub(crate) async fn sender_ended(
         &self,
         sender: Uuid,
-        end: SenderEnd,
+        ended: &Ended,
         policy: &Policy,
     ) -> Result<Vec<SeriesInstanceUid>> {
         let mut tx = self.begin().await?;
-        let ended = forget(&mut tx, sender).await?;
-        for uid in &ended {
-            note_end(&mut tx, uid, end, policy).await?;
+        let gone = forget(&mut tx, sender).await?;
+        for (uid, sender) in &gone {
+            note_end(&mut tx, uid, sender, &self.process, ended, policy).await?;
         }
         tx.commit().await?;
-        Ok(ended)
+        Ok(gone.into_iter().map(|(uid, _)| uid).collect())
     }
 
     /// The senders of former processes ended with them: none of them well. Gives their series.
     pub(crate) async fn former_senders_ended(&self, policy: &Policy) -> Result<Vec<SeriesInstanceUid>> {
         let mut tx = self.begin().await?;
-        let orphaned = uids(
-            sqlx::query_scalar("DELETE FROM open_senders WHERE process <> $1 RETURNING series_uid")
-                .bind(&self.process)
-                .fetch_all(&mut *tx)
-                .await?,
-        );
-        for uid in &orphaned {
-            note_end(&mut tx, uid, SenderEnd::ServiceStopped, policy).await?;
+        let gone = sqlx::query("DELETE FROM open_senders WHERE process <> $1 RETURNING *")
+            .bind(&self.process)
+            .fetch_all(&mut *tx)
+            .await?;
+        let mut orphaned = Vec::new();
+        for row in &gone {
+            let (uid, sender) = rows::open_sender(row)?;
+            note_end(&mut tx, &uid, &sender, "", &Ended::with_its_process(), policy).await?;
+            orphaned.push(uid);
         }
+        orphaned.sort_unstable();
+        orphaned.dedup();
         // Instances that were entered at the start: nobody sends them, and nobody said that they
         // are all.
         sqlx::query(
@@ -83,12 +88,13 @@ impl Catalog {
         let now = now_ms();
         let mut tx = self.begin().await?;
         let mut ended = Vec::new();
-        for uid in forget(&mut tx, sender).await? {
+        for (uid, sender) in forget(&mut tx, sender).await? {
             let instances = series::one(&mut tx, &uid).await?.map_or(0, |series| series.instances);
-            let waits = expected(&mut tx, &uid).await?.is_some_and(|expected| instances < expected)
-                || is_being_sent(&mut tx, &uid, policy).await?;
             record_end(&mut tx, &uid, SenderEnd::UploadEnded).await?;
-            set_incomplete(&mut tx, &uid, false).await?;
+            transfers::mended(&mut tx, &uid, &sender, &self.process).await?;
+            let waits = expected(&mut tx, &uid).await?.is_some_and(|expected| instances < expected)
+                || transfers::is_held(&mut tx, &uid).await?
+                || is_being_sent(&mut tx, &uid, policy).await?;
             let completion = if waits {
                 None
             } else {
@@ -124,9 +130,12 @@ impl Catalog {
         if let Some(series) = series.as_ref().filter(|series| series.state != SeriesState::Receiving) {
             // A word that it is complete stands; retention may have taken what was there.
             let short = series.complete_reason != Some(CompleteReason::Explicit) && series.instances > 0;
-            if enough || short {
-                set_incomplete(&mut tx, uid, !enough).await?;
+            if enough {
+                transfers::lift(&mut tx, uid).await?;
+            } else if short {
+                transfers::set_short(&mut tx, uid, true).await?;
             }
+            transfers::refresh(&mut tx, uid).await?;
         }
         let whole = enough && series.is_some_and(|series| series.state == SeriesState::Receiving);
         let completion = if whole {
@@ -232,19 +241,22 @@ impl Catalog {
 pub(super) async fn heard(
     connection: &mut Connection,
     uid: &SeriesInstanceUid,
-    sender: Uuid,
+    sender: &OpenSender,
     process: &str,
     policy: &Policy,
 ) -> Result<()> {
     let now = now_ms();
     sqlx::query(
-        "INSERT INTO open_senders (sender, series_uid, process, heard_ms) VALUES ($1, $2, $3, $4) \
+        "INSERT INTO open_senders (sender, series_uid, process, heard_ms, begun, is_upload) \
+         VALUES ($1, $2, $3, $4, $5, $6) \
          ON CONFLICT (sender, series_uid) DO UPDATE SET heard_ms = excluded.heard_ms",
     )
-    .bind(sender.to_string())
+    .bind(sender.id.to_string())
     .bind(uid.as_str())
     .bind(process)
     .bind(now)
+    .bind(sender.begun)
+    .bind(sender.is_upload)
     .execute(&mut *connection)
     .await?;
     set_due(connection, uid, now + policy.quiet_ms, CompleteReason::Quiet).await
@@ -294,35 +306,39 @@ async fn is_being_sent(
 }
 
 /// Removes the sender; gives the series that it sent.
-async fn forget(connection: &mut Connection, sender: Uuid) -> Result<Vec<SeriesInstanceUid>> {
-    let gone = sqlx::query_scalar("DELETE FROM open_senders WHERE sender = $1 RETURNING series_uid")
+async fn forget(connection: &mut Connection, sender: Uuid) -> Result<Vec<(SeriesInstanceUid, OpenSender)>> {
+    let gone = sqlx::query("DELETE FROM open_senders WHERE sender = $1 RETURNING *")
         .bind(sender.to_string())
         .fetch_all(connection)
         .await?;
-    Ok(uids(gone))
+    let mut gone = gone.iter().map(rows::open_sender).collect::<Result<Vec<_>, sqlx::Error>>()?;
+    gone.sort_unstable_by(|one, other| one.0.cmp(&other.0));
+    Ok(gone)
 }
 
 /// What the end of one of its senders means to a series.
 async fn note_end(
     connection: &mut Connection,
     uid: &SeriesInstanceUid,
-    end: SenderEnd,
+    sender: &OpenSender,
+    process: &str,
+    ended: &Ended,
     policy: &Policy,
 ) -> Result<()> {
-    record_end(connection, uid, end).await?;
-    if let Some(reason) = end.completes() {
-        set_incomplete(connection, uid, false).await?;
+    record_end(connection, uid, ended.end).await?;
+    if let Some(reason) = ended.end.completes() {
+        transfers::mended(connection, uid, sender, process).await?;
         return hasten(connection, uid, reason, policy).await;
     }
     // Who said that it is complete, or how many there are, knew better.
-    let stands = "UPDATE series SET incomplete_transfer = TRUE WHERE series_uid = $1 \
-                  AND (state = 'receiving' OR complete_reason IS NULL OR complete_reason NOT IN ($2, $3))";
-    sqlx::query(stands)
-        .bind(uid.as_str())
-        .bind(CompleteReason::Explicit.name())
-        .bind(CompleteReason::ExpectedInstances.name())
-        .execute(&mut *connection)
-        .await?;
+    let known = [Some(CompleteReason::Explicit), Some(CompleteReason::ExpectedInstances)];
+    let record = series::one(connection, uid).await?;
+    let is_whole = record.is_some_and(|record| {
+        record.state != SeriesState::Receiving && known.contains(&record.complete_reason)
+    });
+    if !is_whole {
+        transfers::broke(connection, uid, sender, process, ended).await?;
+    }
     // Counted anew: the sender may try again.
     set_due(connection, uid, now_ms() + policy.quiet_ms, CompleteReason::Quiet).await
 }
@@ -336,20 +352,6 @@ async fn record_end(connection: &mut Connection, uid: &SeriesInstanceUid, end: S
     Ok(())
 }
 
-/// Puts the series in doubt, or takes the doubt from it.
-pub(super) async fn set_incomplete(
-    connection: &mut Connection,
-    uid: &SeriesInstanceUid,
-    incomplete: bool,
-) -> Result<()> {
-    sqlx::query("UPDATE series SET incomplete_transfer = $2 WHERE series_uid = $1")
-        .bind(uid.as_str())
-        .bind(incomplete)
-        .execute(connection)
-        .await?;
-    Ok(())
-}
-
 /// A sender of the series ended: if it was the last one, the deadline comes nearer.
 async fn hasten(
     connection: &mut Connection,
@@ -357,7 +359,7 @@ async fn hasten(
     reason: CompleteReason,
     policy: &Policy,
 ) -> Result<()> {
-    if is_being_sent(connection, uid, policy).await? {
+    if transfers::is_held(connection, uid).await? || is_being_sent(connection, uid, policy).await? {
         return Ok(());
     }
     sqlx::query(

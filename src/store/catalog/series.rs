@@ -12,7 +12,8 @@ macro_rules! select_series {
     ($rest:literal) => {
         concat!(
             "SELECT s.*, e.expected_instances, \
-             (SELECT COUNT(DISTINCT r.sop_uid) FROM refused r WHERE r.series_uid = s.series_uid) AS refused_instances \
+             (SELECT COUNT(DISTINCT r.sop_uid) FROM refused r WHERE r.series_uid = s.series_uid) AS refused_instances, \
+             (SELECT COUNT(*) FROM refused r WHERE r.series_uid = s.series_uid AND r.held) AS held_refusals \
              FROM series s LEFT JOIN expectations e ON e.series_uid = s.series_uid ",
             $rest
         )
