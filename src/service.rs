@@ -83,6 +83,7 @@ impl Service {
 
         let stop = CancellationToken::new();
         let mut parts = JoinSet::new();
+        jobs.make_again(&config.pipeline).await;
         let (part, token) = (jobs.clone(), stop.clone());
         spawn(&mut parts, "workers", async move { part.run(token).await });
         let (part, token) = (intake.clone(), stop.clone());

@@ -4,7 +4,7 @@ use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 use sha2::{Digest, Sha256};
 
-use super::dataset::{DataSet, View};
+use super::dataset::{DataSet, RawPixels, View};
 use super::pixels::{Frames, PixelError};
 use super::scan::{Limits, ScanError};
 
@@ -48,10 +48,12 @@ const GROUPS: [(Tag, &[Tag]); 4] = [
 /// their padding value and the place of each frame. Two instances with the same UID and the same
 /// digest are the same image, though one may have been compressed (without loss) on its way.
 ///
-/// `bytes` is a Part 10 file. An instance without pixels has the digest of its attributes.
+/// `bytes` is a Part 10 file. An instance without pixels has the digest of its attributes; one whose
+/// pixels are none of a slice (in colour, of 32 bits) has that of their bytes and what says how to read
+/// them, so that it is equal to itself in the same transfer syntax.
 ///
 /// # Errors
-/// [`DigestError`] if the structure is not acceptable or the pixels can't be decoded.
+/// [`DigestError`] if the structure is not acceptable.
 pub fn content_digest(bytes: &[u8], limits: &Limits) -> Result<[u8; 32], DigestError> {
     let data_set = DataSet::open(bytes, limits)?;
     let top = data_set.top();
@@ -71,18 +73,42 @@ pub fn content_digest(bytes: &[u8], limits: &Limits) -> Result<[u8; 32], DigestE
     for tag in [tags::ROWS, tags::COLUMNS, tags::PIXEL_PADDING_VALUE, tags::PIXEL_PADDING_RANGE_LIMIT] {
         digest.update(top.u16(tag).map_or(-1, i32::from).to_le_bytes());
     }
-    match Frames::of(&data_set) {
-        Err(PixelError::NoPixelData) => {}
-        frames => {
-            let frames = frames?;
-            for frame in 0..frames.format.frames as usize {
-                for value in frames.stored(frame)?.values {
-                    digest.update(value.to_le_bytes());
-                }
-            }
+    let before = digest.clone();
+    match decoded(&mut digest, &data_set) {
+        Ok(()) | Err(PixelError::NoPixelData) => Ok(digest.finalize().into()),
+        Err(_) => Ok(encoded(before, &data_set)),
+    }
+}
+
+fn decoded(digest: &mut Sha256, data_set: &DataSet<'_>) -> Result<(), PixelError> {
+    let frames = Frames::of(data_set)?;
+    for frame in 0..frames.format.frames as usize {
+        for value in frames.stored(frame)?.values {
+            digest.update(value.to_le_bytes());
         }
     }
-    Ok(digest.finalize().into())
+    Ok(())
+}
+
+/// The bytes of the pixels as they stand there.
+fn encoded(mut digest: Sha256, data_set: &DataSet<'_>) -> [u8; 32] {
+    digest.update(b"encoded");
+    digest.update(data_set.syntax.uid);
+    for tag in [tags::SAMPLES_PER_PIXEL, tags::BITS_ALLOCATED, tags::BITS_STORED, tags::PIXEL_REPRESENTATION]
+    {
+        digest.update(data_set.top().u16(tag).map_or(-1, i32::from).to_le_bytes());
+    }
+    match data_set.pixels() {
+        Some(RawPixels::Native { bytes, .. }) => digest.update(bytes),
+        Some(RawPixels::Encapsulated { fragments, .. }) => {
+            for (_, fragment) in fragments {
+                digest.update((fragment.len() as u64).to_le_bytes());
+                digest.update(fragment);
+            }
+        }
+        None => {}
+    }
+    digest.finalize().into()
 }
 
 /// Text values without their padding, which differs from one writer to the next.

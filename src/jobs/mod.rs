@@ -151,6 +151,28 @@ impl Jobs {
         Ok((record, new))
     }
 
+    /// Queues again what an earlier release made with a decoder at fault. The old result is served
+    /// until the new one is there.
+    pub(crate) async fn make_again(&self, parameters: &Parameters) {
+        let store = &self.shared.store;
+        let series = match store.to_make_again().await {
+            Ok(series) => series,
+            Err(error) => return tracing::error!(error = ?error, "what is to be made again can't be read"),
+        };
+        for uid in series {
+            let queued = match self.submit(&uid, parameters.clone()).await {
+                Ok((record, _)) => store.take_for_clinical(&record).await.map(|()| record.id),
+                Err(error) => Err(error),
+            };
+            match queued {
+                Ok(id) => tracing::warn!(series = %uid, reconstruction = %id,
+                    "made again: release 0.1 could decode its JPEG Lossless wrongly"),
+                Err(error) => tracing::error!(series = %uid, error = %error,
+                    "release 0.1 could decode its JPEG Lossless wrongly, and it can't be made again"),
+            }
+        }
+    }
+
     /// Cancels a reconstruction that waits, or asks a running one to stop. One that has ended stays
     /// as it is.
     ///

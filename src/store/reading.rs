@@ -188,6 +188,15 @@ impl Store {
         self.0.catalog.clinical_choices(uid).await
     }
 
+    /// Series whose latest reconstruction of the service's own was made by an earlier release with a
+    /// decoder at fault, and not again since.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn to_make_again(&self) -> Result<Vec<SeriesInstanceUid>> {
+        self.0.catalog.to_make_again().await
+    }
+
     /// Somebody asked for what the service would queue itself: it takes that place, where the
     /// revision's is free (removed, failed).
     ///

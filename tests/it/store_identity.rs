@@ -65,6 +65,40 @@ async fn after_a_new_version_of_the_algorithm_the_old_result_is_served_and_askin
 }
 
 #[tokio::test]
+async fn what_0_1_made_of_lossless_jpeg_is_made_again_when_it_is_asked_for() {
+    let dir = tempdir().unwrap();
+    let entrance = Entrance::open(settings(dir.path())).await;
+    entrance.send_all(Uuid::new_v4(), 1, 1..5).await;
+    let uid = Slice::of(1, 0).series_uid();
+    let old = entrance.intake.complete(&uid, CompleteReason::Explicit).await.unwrap().unwrap();
+    let claim = entrance.store.claim("w", LEASE).await.unwrap().unwrap();
+    assert!(entrance.store.finish_success(&claim.lease, &outcome("old")).await.unwrap());
+    entrance.stop().await;
+    // As 0.1 left it, whose rows name no algorithm.
+    alter(dir.path(), "UPDATE reconstructions SET algorithm = NULL").await;
+    alter(dir.path(), "UPDATE instances SET transfer_syntax_uid = '1.2.840.10008.1.2.4.70'").await;
+    let entrance = Entrance::open(settings(dir.path())).await;
+    let kept = entrance.store.reconstruction(old).await.unwrap().unwrap();
+    assert_eq!((kept.state, kept.algorithm.as_str()), (ReconstructionState::Succeeded, "paper/0"));
+    assert_eq!(entrance.store.cloud(old, None).await.unwrap(), b"old None");
+    assert_eq!(entrance.store.to_make_again().await.unwrap(), [uid.clone()]);
+    let (new, queued) = entrance.store.enqueue(&uid, &entrance.config.pipeline, 10).await.unwrap();
+    assert!(queued && new.id != old);
+    assert_eq!(new.algorithm, "paper/1");
+    entrance.store.take_for_clinical(&new).await.unwrap();
+    assert!(entrance.store.to_make_again().await.unwrap().is_empty());
+    let clinical = || async { entrance.store.clinical(&uid).await.unwrap().unwrap().reconstruction.id };
+    assert_eq!(clinical().await, old, "until the new one is there");
+    let claim = entrance.store.claim("w", LEASE).await.unwrap().unwrap();
+    assert!(entrance.store.finish_success(&claim.lease, &outcome("new")).await.unwrap());
+    assert_eq!(clinical().await, new.id);
+    entrance.stop().await;
+    let entrance = Entrance::open(settings(dir.path())).await;
+    let (again, queued) = entrance.store.enqueue(&uid, &entrance.config.pipeline, 10).await.unwrap();
+    assert_eq!((again.id, queued), (new.id, false), "once");
+}
+
+#[tokio::test]
 async fn what_still_waits_after_an_upgrade_is_run_by_the_new_version_under_its_id() {
     let dir = tempdir().unwrap();
     let entrance = Entrance::open(settings(dir.path())).await;

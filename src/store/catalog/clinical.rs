@@ -38,22 +38,23 @@ impl Catalog {
         let Some(row) = row else { return Ok(None) };
         let queued_for: Option<i64> = row.try_get("queued_for")?;
         let chosen_for: Option<i64> = row.try_get("chosen_for")?;
-        let highest = queued_for.max(chosen_for).unwrap_or_default();
-        Ok(Some(Clinical {
-            reconstruction: rows::reconstruction(&row)?,
-            of_revision: u32::try_from(highest).map_err(Error::internal)?,
-            chosen: chosen_for.is_some() && chosen_for >= queued_for,
-        }))
+        let reconstruction = rows::reconstruction(&row)?;
+        let chosen = chosen_for.is_some() && chosen_for >= queued_for;
+        // One that an operator chose may be of an earlier revision than the one that it was chosen at.
+        let queued_for = u32::try_from(queued_for.unwrap_or_default()).map_err(Error::internal)?;
+        let of_revision = if chosen { queued_for.max(reconstruction.revision) } else { queued_for };
+        Ok(Some(Clinical { reconstruction, of_revision, chosen }))
     }
 
-    /// The one that is clinical at that revision, whatever its state.
+    /// The one of that revision that is clinical there, whatever its state.
     pub(crate) async fn clinical_at(
         &self,
         uid: &SeriesInstanceUid,
         revision: u32,
     ) -> Result<Option<ReconstructionRecord>> {
         let row = sqlx::query(
-            "SELECT * FROM reconstructions WHERE series_uid = $1 AND (chosen_for = $2 OR queued_for = $2) \
+            "SELECT * FROM reconstructions WHERE series_uid = $1 \
+             AND (queued_for = $2 OR (chosen_for = $2 AND revision = $2)) \
              ORDER BY CASE WHEN chosen_for = $2 THEN 0 ELSE 1 END, id DESC LIMIT 1",
         )
         .bind(uid.as_str())
@@ -121,6 +122,19 @@ impl Catalog {
         Ok(found.iter().map(rows::clinical_choice).collect::<Result<_, sqlx::Error>>()?)
     }
 
+    /// Series whose latest reconstruction of the service's own was made with a decoder at fault.
+    pub(crate) async fn to_make_again(&self) -> Result<Vec<SeriesInstanceUid>> {
+        let found: Vec<String> = sqlx::query_scalar(
+            "SELECT DISTINCT series_uid FROM reconstructions old WHERE algorithm LIKE '%/0' \
+             AND state = 'succeeded' AND queued_for IS NOT NULL AND NOT EXISTS ( \
+             SELECT 1 FROM reconstructions new WHERE new.series_uid = old.series_uid \
+             AND new.queued_for >= old.queued_for AND new.algorithm NOT LIKE '%/0') ORDER BY series_uid",
+        )
+        .fetch_all(&self.readers)
+        .await?;
+        found.iter().map(|uid| uid.parse().map_err(Error::internal)).collect()
+    }
+
     /// See `Store::take_for_clinical`.
     pub(crate) async fn take_for_clinical(&self, record: &ReconstructionRecord) -> Result<()> {
         let mut tx = self.begin().await?;
@@ -151,7 +165,8 @@ pub(super) async fn choose(
 }
 
 /// The service queued `id` for that revision, or found it there. One that has the place keeps it
-/// unless it gave nothing.
+/// unless it gave nothing; one that a decoder at fault was used for (version 0) shares it, and is served
+/// until the later one has succeeded.
 pub(super) async fn queued_by_the_service(
     connection: &mut Connection,
     uid: &SeriesInstanceUid,
@@ -169,7 +184,8 @@ pub(super) async fn queued_by_the_service(
     .await?;
     sqlx::query(
         "UPDATE reconstructions SET queued_for = $2 WHERE id = $3 AND NOT EXISTS ( \
-         SELECT 1 FROM reconstructions other WHERE other.series_uid = $1 AND other.queued_for = $2)",
+         SELECT 1 FROM reconstructions other WHERE other.series_uid = $1 AND other.queued_for = $2 \
+         AND other.algorithm NOT LIKE '%/0')",
     )
     .bind(uid.as_str())
     .bind(i64::from(revision))

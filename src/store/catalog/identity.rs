@@ -1,6 +1,7 @@
 //! Identities of rows that another version wrote: brought to this version's when the catalog is
 //! opened, so that what was made is found again.
 
+use sha2::{Digest as _, Sha256};
 use sqlx::{Connection as _, Row as _};
 
 use super::dialect::{BEGIN_WRITING, Connection};
@@ -8,13 +9,15 @@ use crate::error::{Error, Result};
 use crate::pipeline::Parameters;
 use crate::store::stored::{identity_sha256, parameter_json, settings_sha256};
 
-/// Enters the algorithm of rows of 0.1 (their version is 1), and lets what still waits be run, under
+/// Enters the algorithm of rows of 0.1 (their version is 1, and 0 where their decoder was at fault), and lets what still waits be run, under
 /// its id, by this version.
 pub(super) async fn refresh(connection: &mut Connection) -> Result<()> {
     let mut tx = connection.begin_with(BEGIN_WRITING).await?;
     let found = sqlx::query(
-        "SELECT id, parameters, algorithm, state FROM reconstructions \
-         WHERE algorithm IS NULL OR state IN ('queued', 'running') ORDER BY id",
+        "SELECT id, parameters, algorithm, state, EXISTS ( \
+         SELECT 1 FROM instances i WHERE i.series_uid = reconstructions.series_uid \
+         AND i.transfer_syntax_uid IN ('1.2.840.10008.1.2.4.57', '1.2.840.10008.1.2.4.70')) AS lossless_jpeg \
+         FROM reconstructions WHERE algorithm IS NULL OR state IN ('queued', 'running') ORDER BY id",
     )
     .fetch_all(&mut *tx)
     .await?;
@@ -31,9 +34,15 @@ pub(super) async fn refresh(connection: &mut Connection) -> Result<()> {
         if algorithm == Some(now) {
             continue;
         }
-        let of_0_1 = format!("{}/1", parameters.profile.name());
+        // The decoder of 0.1 read some streams of JPEG Lossless wrongly, without an error: what was made
+        // with it counts as of another algorithm, so that asking again makes it again.
+        let lossless_jpeg: bool = row.try_get("lossless_jpeg")?;
+        let of_0_1 = format!("{}/{}", parameters.profile.name(), if lossless_jpeg { 0 } else { 1 });
         let made_by = if waits { now } else { of_0_1.as_str() };
         set(&mut tx, &id, made_by, &parameters).await?;
+        if !waits && lossless_jpeg {
+            former_decoder(&mut tx, &id, &parameters).await?;
+        }
         if waits {
             sqlx::query("UPDATE reconstructions SET software = $2 WHERE id = $1")
                 .bind(&id)
@@ -43,6 +52,21 @@ pub(super) async fn refresh(connection: &mut Connection) -> Result<()> {
         }
     }
     Ok(tx.commit().await?)
+}
+
+/// What this version would make of the same instances is not it.
+async fn former_decoder(connection: &mut Connection, id: &str, parameters: &Parameters) -> Result<()> {
+    let identity = Sha256::new_with_prefix(identity_sha256(parameters)).chain_update("decoded by 0.1");
+    sqlx::query("UPDATE reconstructions SET parameters_sha256 = $2 WHERE id = $1")
+        .bind(id)
+        .bind(identity.finalize().as_slice())
+        .execute(connection)
+        .await?;
+    tracing::warn!(
+        reconstruction = id,
+        "made from JPEG Lossless by release 0.1, whose decoder could read it wrongly: ask for it again"
+    );
+    Ok(())
 }
 
 /// Another row may have that identity: then this one is served by its id alone.
