@@ -430,8 +430,9 @@ mod tests {
         }
         places[1].member().moved(1_000);
         places[2].member().moved(10_000_000);
-        let _fresh = connections.admit(peer(3), false).unwrap();
+        let fresh = connections.admit(peer(3), false).unwrap();
         assert_eq!(places.each_ref().map(is_closed), [false, true, false]);
+        let _at_work = fresh.member().work();
         let _alone = connections.admit(peer(4), false).unwrap();
         assert_eq!(places.each_ref().map(is_closed), [true, true, false], "who keeps the rate stays");
     }

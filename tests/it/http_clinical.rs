@@ -167,7 +167,9 @@ async fn a_newer_revision_at_work_or_failed_is_told_and_can_be_waited_for() {
 
     // Started again, and now it succeeds: an operator's choice of the first revision is over too.
     choose(&server, &uid, json!(old.to_string())).await;
-    assert_eq!(server.get(&current).send().await.unwrap().status(), 200, "it is what the operator wants");
+    assert_eq!(served(&server, &uid).await, old.to_string(), "it is what the operator wants");
+    waits("failed").await;
+    assert_eq!(newer().await.0, Some(format!("2; state=failed; reconstruction={id}")));
     let again = server.post(&format!("/v1/series/{uid}/reconstructions")).send().await.unwrap();
     assert_eq!(again.status(), 202);
     server.finish(&uid).await;

@@ -15,7 +15,7 @@ use crate::store::recovery::ResultRecord;
 use serde_json::Value;
 
 /// The columns of a series that say how its sender ended, and whether it is in doubt.
-const TRANSFER: [&str; 2] = ["sender_end", "incomplete_transfer"];
+const TRANSFER: [&str; 3] = ["sender_end", "incomplete_transfer", "short_of_expected"];
 /// Those that say how it was completed.
 const COMPLETION: [&str; 3] = ["state", "unfit_reason", "complete_reason"];
 
