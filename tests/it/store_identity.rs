@@ -81,7 +81,7 @@ async fn what_0_1_made_of_lossless_jpeg_is_made_again_when_it_is_asked_for() {
     let kept = entrance.store.reconstruction(old).await.unwrap().unwrap();
     assert_eq!((kept.state, kept.algorithm.as_str()), (ReconstructionState::Succeeded, "paper/0"));
     assert_eq!(entrance.store.cloud(old, None).await.unwrap(), b"old None");
-    assert_eq!(entrance.store.to_make_again().await.unwrap(), [uid.clone()]);
+    assert_eq!(entrance.store.to_make_again().await.unwrap(), std::slice::from_ref(&uid));
     let (new, queued) = entrance.store.enqueue(&uid, &entrance.config.pipeline, 10).await.unwrap();
     assert!(queued && new.id != old);
     assert_eq!(new.algorithm, "paper/1");
