@@ -164,9 +164,16 @@ fn a_failure_leaves_a_report_that_tells_it_and_an_input_without_ct_is_code_3() {
     // The modality's value is two letters in each file: MR is no CT.
     let mr = small().files.iter().map(|file| replaced(file, b"CS\x02\0CT", b"CS\x02\0MR"));
     write(&dir.path().join("mr"), &mr.collect::<Vec<_>>());
-    for (input, expected, error) in
-        [("gap", 4, "missing_slice"), ("few", 4, "too_few_slices"), ("mr", 3, "not_ct")]
-    {
+    std::fs::create_dir(dir.path().join("empty")).expect("a folder");
+    write(&dir.path().join("texts"), &[b"no DICOM".to_vec()]);
+    for (input, expected, error) in [
+        ("gap", 4, "missing_slice"),
+        ("few", 4, "too_few_slices"),
+        ("mr", 3, "not_ct"),
+        ("empty", 3, "no_instances"),
+        ("texts", 3, "no_instances"),
+        ("nowhere", 3, "unreadable"),
+    ] {
         std::fs::write(dir.path().join("r.json"), "of an earlier run").expect("a file");
         let arguments = ["reconstruct", input, "-o", "c.ply", "--report", "r.json"];
         let (code, _, stderr) = triplanar_in(dir.path(), &arguments);

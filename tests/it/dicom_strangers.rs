@@ -1,9 +1,9 @@
 //! What else a series holds beside its slices, and instances of two patients or two studies in one.
 
-use triplanar::dicom::Volume;
 use triplanar::dicom::header::InstanceHeader;
 use triplanar::dicom::scan::{Encoding, Limits, scan};
 use triplanar::dicom::series::{self, ReadLimits, SeriesError, Warning, WarningCode, unfit};
+use triplanar::dicom::{Volume, content_digest};
 use triplanar::pipeline::Silent;
 use triplanar::store::UnfitReason;
 
@@ -73,6 +73,18 @@ fn picture(image_type: &str, photometric: &str, samples: u16, place: Option<[f64
         .number((0x0028, 0x0103), 0)
         .put((0x7FE0, 0x0010), "OW", &vec![0; 24 * usize::from(samples)])
         .part10(CT, uid, EXPLICIT)
+}
+
+#[test]
+fn a_picture_that_is_no_slice_is_equal_to_itself_and_to_no_other() {
+    let digest = |file: &[u8]| content_digest(file, &Limits::default()).expect("it need not be decoded");
+    let file = picture("DERIVED\\SECONDARY\\OTHER", "RGB", 3, None);
+    let other_type = picture("DERIVED\\SECONDARY\\SCREEN SAVE", "RGB", 3, None);
+    assert_eq!(digest(&file), digest(&other_type), "its pixels are the same");
+    let mut changed = file.clone();
+    *changed.last_mut().expect("pixels") ^= 1;
+    assert_ne!(digest(&file), digest(&changed));
+    assert_ne!(digest(&file), digest(&picture("DERIVED\\SECONDARY\\OTHER", "YBR_FULL", 3, None)));
 }
 
 fn header(file: &[u8]) -> InstanceHeader {

@@ -47,7 +47,7 @@ pub(super) fn series<'a>(
     let candidates = candidates(inputs, min_slices);
     if candidates.is_empty() {
         let message = format!("no DICOM instance that can be used among {} files", inputs.len());
-        return Err(Failed::new(Exit::Input, message).into());
+        return Err(Refused { code: Some("no_instances"), failed: Failed::new(Exit::Input, message) });
     }
     let list = listed(&candidates);
     let chosen = match wanted {
