@@ -44,7 +44,6 @@ run "the API's description by Redocly and Spectral, and a client made from it" "
 run "point-cloud tools" "$here/clouds.sh" "$triplanar"
 run "CloudCompare's registration" "$here/evaluate.sh" "$triplanar"
 run "score against the known skin" "$here/score.sh" "$triplanar" "$shared"
-run "memory and time to stop" "$here/bounds.sh" "$triplanar"
 run "full disks and kill -9" "$here/faults.sh" "$triplanar" 3 1
 
 printf '\n%d passed, %d failed\n' "$passed" "$failed"
