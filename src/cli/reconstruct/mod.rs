@@ -47,13 +47,12 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     let outputs = || [Some(args.destination.path()), args.report.path()].into_iter().flatten();
     output::all_differ(outputs(), [args.input.as_path()])?;
     outputs().try_for_each(output::check)?;
-    let inputs = Inputs::open(&args.input, &config).map_err(|failed| {
+    let inputs = Inputs::open(&args.input, &config).inspect_err(|failed| {
         let reason = Reason { code: Failure::UNREADABLE, detail: &failed.message, instances: &[] };
         // The failure itself matters more than where it could not be told.
         if let Err(untold) = args.report.write_unmade(reason, Vec::new()) {
             eprintln!("triplanar: {untold}");
         }
-        failed
     })?;
     for file in &inputs.refused {
         eprintln!("not used: {}: {}: {}", file.name, file.code, file.detail);
