@@ -157,13 +157,14 @@ impl Connections {
             *of_peer.entry(member.peer).or_default() += 1;
         }
         let of_newcomer = if shared { 0 } else { of_peer.get(&newcomer).copied().unwrap_or(0) };
-        let may_go = |it: &Member| of_peer[&it.peer] >= of_newcomer;
+        // One that began to count meanwhile (its stream of events ended) is not among the counted.
+        let peers = |it: &Member| of_peer.get(&it.peer).copied().unwrap_or(1);
+        let may_go = |it: &Member| peers(it) >= of_newcomer;
         let waiting = members.iter().filter(|(_, it)| self.gives_way(it, now) && may_go(it));
-        let rank =
-            |member: &Member| (member.shared, std::cmp::Reverse(of_peer[&member.peer]), member.since());
+        let rank = |member: &Member| (member.shared, std::cmp::Reverse(peers(member)), member.since());
         let waiting = waiting.min_by_key(|(id, it)| (rank(it), **id)).map(|(id, _)| *id);
         let working = members.iter().filter(|(_, it)| it.counts() && may_go(it));
-        waiting.or_else(|| self.slowest(working, |it| of_peer[&it.peer]))
+        waiting.or_else(|| self.slowest(working, peers))
     }
 
     /// The slowest of those whose work waits for a slow peer, of the peer with the most connections.

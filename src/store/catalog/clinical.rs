@@ -128,7 +128,8 @@ impl Catalog {
             "SELECT DISTINCT series_uid FROM reconstructions old WHERE algorithm LIKE '%/0' \
              AND state = 'succeeded' AND queued_for IS NOT NULL AND NOT EXISTS ( \
              SELECT 1 FROM reconstructions new WHERE new.series_uid = old.series_uid \
-             AND new.queued_for >= old.queued_for AND new.algorithm NOT LIKE '%/0') ORDER BY series_uid",
+             AND new.queued_for >= old.queued_for AND new.algorithm NOT LIKE '%/0' \
+             AND new.state NOT IN ('failed', 'cancelled')) ORDER BY series_uid",
         )
         .fetch_all(&self.readers)
         .await?;
