@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes the README's pictures again:
+# Makes the pictures of README and docs/measured.md again:
 #   docs/pictures.sh target/release/triplanar [SERIES_DIR]
 # The phantom is the program's own. The second series is imagex_siemens_phantom_2mm.zip of SERIES_DIR,
 # default ../shared/data/series. Where that is not there, or is another series than the README speaks

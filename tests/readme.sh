@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Runs the command blocks of README.md as they are printed, one after the other, in one shell, in an
-# empty folder, with the given binary as `triplanar`:
+# Runs the command blocks of README.md, docs/operation.md and docs/measured.md as they are printed, one after
+# the other, in one shell, in an empty folder, with the given binary as `triplanar`:
 #   tests/readme.sh target/release/triplanar
 # A comment right above a block says what is special about it:
 #   <!-- not run: why -->           left out
@@ -9,29 +9,32 @@
 # The last line is "N passed, N failed". The ports that README names must be free.
 set -euo pipefail
 exec python3 - "$(realpath "${1:?the program, e.g. target/release/triplanar}")" \
-  "$(realpath "$(dirname "$0")/../README.md")" <<'PY'
+  "$(realpath "$(dirname "$0")/..")" <<'PY'
 import os, re, shutil, signal, socket, subprocess, sys, tempfile
 
-program, readme = sys.argv[1:]
+program, repository = sys.argv[1:]
+PAGES = 'README.md', 'docs/operation.md', 'docs/measured.md'
 PORTS = 8080, 11112
 OUTPUT = 'the end of what the block above prints'
 # A block that takes longer hangs: a series of 145 slices takes seconds.
 TIMEOUT = 300
 
-lines = open(readme, encoding='utf-8').read().split('\n')
-blocks, tag, at = [], '', 0
-while at < len(lines):
-    line = lines[at]
-    if comment := re.fullmatch(r'<!-- (.*) -->', line):
-        tag = comment[1]
-    elif line.startswith('```'):
-        end = lines.index('```', at + 1)
-        if line == '```sh' or tag == OUTPUT:
-            blocks.append((at + 1, tag, '\n'.join(lines[at + 1:end]) + '\n'))
-        tag, at = '', end
-    else:
-        tag = ''
-    at += 1
+blocks = []
+for page in PAGES:
+    lines = open(os.path.join(repository, page), encoding='utf-8').read().split('\n')
+    tag, at = '', 0
+    while at < len(lines):
+        line = lines[at]
+        if comment := re.fullmatch(r'<!-- (.*) -->', line):
+            tag = comment[1]
+        elif line.startswith('```'):
+            end = lines.index('```', at + 1)
+            if line == '```sh' or tag == OUTPUT:
+                blocks.append((f'{page}:{at + 1}', tag, '\n'.join(lines[at + 1:end]) + '\n'))
+            tag, at = '', end
+        else:
+            tag = ''
+        at += 1
 
 for port in PORTS:
     with socket.socket() as probe:
@@ -78,8 +81,7 @@ echo "{END} 0"
 passed = failed = 0
 printed = ''
 try:
-    for number, tag, text in blocks:
-        where = f'README.md:{number}'
+    for where, tag, text in blocks:
         needed = tag.removeprefix('needs: ').split() if tag.startswith('needs: ') else []
         missing = [tool for tool in needed if not shutil.which(tool)]
         if tag.startswith('not run: '):
@@ -110,9 +112,9 @@ finally:
     except (ProcessLookupError, subprocess.TimeoutExpired):
         pass
     shutil.rmtree(folder, ignore_errors=True)
-if passed < 5:
+if passed < 8:
     failed += 1
-    print('FAILED: README.md has fewer command blocks than it should')
+    print('FAILED: the pages have fewer command blocks than they should')
 print(f'{passed} passed, {failed} failed')
 sys.exit(failed > 0)
 PY

@@ -32,10 +32,11 @@ def reconstruct(triplanar, path, work):
         [triplanar, 'reconstruct', path, '-o', cloud, '--report', report, '--profile', 'precise'],
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
     )
-    # The kernel's own figure of a child begins with its parent's memory: asked for while it runs.
+    # The kernel's own figure of a child begins with its parent's memory, and starts anew when the program does:
+    # the last one asked for while it ran.
     peak = 0
     while process.poll() is None:
-        peak = max(peak, memory_mb(process.pid))
+        peak = memory_mb(process.pid) or peak
         time.sleep(0.05)
     said = process.stderr.read()
     seconds = time.monotonic() - begin
