@@ -1,5 +1,5 @@
 //! How long a reconstruction goes on after it was told to stop:
-//! `cargo bench --bench asks -- FOLDER [paper|precise [LEAF_MM]]`, for the DICOM files of one series.
+//! `cargo bench --bench asks -- FOLDER [paper|precise [LEAF_MM [STOPS]]]`, for the DICOM files of one series.
 //!
 //! Prints the longest times in which nobody asked whether to stop (overall, and on one thread that was
 //! at work before and after), with the stage and the code that asked at last; then the longest times
@@ -19,7 +19,7 @@ use triplanar::reconstruction::{run, run_with_pictures};
 
 /// Shorter ones are not looked at.
 const WORTH_TELLING: Duration = Duration::from_millis(20);
-/// Moments at which a run is told to stop.
+/// Moments at which a run is told to stop, unless they are given; 0: none.
 const STOPS: u32 = 60;
 
 struct Files(Vec<PathBuf>);
@@ -130,13 +130,16 @@ fn main() {
         _ => Profile::Precise,
     };
     let leaf_mm = arguments.next().and_then(|leaf| leaf.parse().ok()).unwrap_or(1.0);
+    let moments = arguments.next().and_then(|moments| moments.parse().ok()).unwrap_or(STOPS);
     let parameters = Parameters { profile, leaf_mm, ..Parameters::default() };
     let mut files: Vec<PathBuf> =
         fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("a file").path()).collect();
     files.sort();
     let files = Files(files);
     let whole = gaps(&files, &parameters);
-    stops(&files, &parameters, whole);
+    if moments > 0 {
+        stops(&files, &parameters, whole, moments);
+    }
 }
 
 fn gaps(files: &Files, parameters: &Parameters) -> Duration {
@@ -156,11 +159,11 @@ fn gaps(files: &Files, parameters: &Parameters) -> Duration {
     whole
 }
 
-fn stops(files: &Files, parameters: &Parameters, whole: Duration) {
+fn stops(files: &Files, parameters: &Parameters, whole: Duration, moments: u32) {
     let mut slowest = Vec::new();
-    for i in 1..STOPS {
+    for i in 1..=moments {
         let stop = Stop { told: AtomicBool::new(false), stage: Mutex::default() };
-        let after = whole * i / STOPS;
+        let after = whole * i / (moments + 1);
         let (ended, told, stage) = std::thread::scope(|scope| {
             let run = scope.spawn(|| {
                 let ended = run_with_pictures(files, parameters, &ReadLimits::default(), &stop);
@@ -175,7 +178,7 @@ fn stops(files: &Files, parameters: &Parameters, whole: Duration) {
         slowest.push((at.saturating_duration_since(told), stage, stopped, after));
     }
     slowest.sort_by_key(|it| std::cmp::Reverse(it.0));
-    println!("told to stop at {} moments; the slowest ends:", STOPS - 1);
+    println!("told to stop at {moments} moments; the slowest ends:");
     for (took, stage, stopped, after) in slowest.iter().take(8) {
         let word = if *stopped { "stopped" } else { "ran to its end" };
         println!("  {:7.1} ms, {stage:?} after {after:?}: {word}", took.as_secs_f64() * 1e3);

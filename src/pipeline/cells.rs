@@ -30,15 +30,18 @@ impl Cells {
 
     fn sorted(asked: Asked<'_>, points: &[[f32; 3]], edge: f64) -> Self {
         let inverse = 1.0 / edge;
-        let mut sorted: Vec<(Cell, [f32; 3])> = points.iter().map(|&p| (cell(p, inverse), p)).collect();
-        asked.ask();
+        let placed = |(number, &point): (usize, &[f32; 3])| {
+            asked.ask_at(number);
+            (cell(point, inverse), point)
+        };
+        let mut sorted: Vec<(Cell, [f32; 3])> = points.iter().enumerate().map(placed).collect();
         // Some points, wherever they are sorted to, ask each time they are compared.
         sorted.par_sort_by(|a, b| {
             asked.ask_at(mixed(a.1));
             a.0.cmp(&b.0)
         });
-        asked.ask();
-        let (cells, points) = sorted.into_iter().unzip();
+        let asking = sorted.into_iter().enumerate().inspect(|(number, _)| asked.ask_at(*number));
+        let (cells, points) = asking.map(|(_, both)| both).unzip();
         Self { inverse, cells, points }
     }
 

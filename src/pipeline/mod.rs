@@ -31,6 +31,7 @@ mod cloud_tests;
 pub mod contour;
 pub mod decisions;
 mod effort;
+mod forest;
 pub mod lift;
 pub mod mask;
 mod observer;

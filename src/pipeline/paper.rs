@@ -46,7 +46,7 @@ pub(super) fn reconstruct(
     };
     drop(raw);
     asked.ask();
-    result.triplanar = voxel_grid_asking(asked, &concatenated(&result.uniplanar), parameters.leaf_mm);
+    result.triplanar = voxel_grid_asking(asked, &concatenated(asked, &result.uniplanar), parameters.leaf_mm);
     result.note_merged();
     progress(observer, Stage::Downsampling, 1.0)?;
     let mut result = result.unless_empty("the tests of the slices")?;
@@ -91,9 +91,10 @@ fn progress(observer: &dyn Observer, stage: Stage, fraction: f64) -> Result<(), 
 }
 
 /// The clouds one after the other.
-fn concatenated(clouds: &[PointCloud; 3]) -> PointCloud {
+fn concatenated(asked: Asked<'_>, clouds: &[PointCloud; 3]) -> PointCloud {
     let mut whole = PointCloud::default();
     for cloud in clouds {
+        asked.ask();
         whole.points.extend_from_slice(&cloud.points);
         whole.planes.extend_from_slice(&cloud.planes);
         whole.unique.extend_from_slice(&cloud.unique);

@@ -3,10 +3,10 @@
 
 use std::num::NonZero;
 
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::effort::Effort;
+use super::forest::Forest;
 use super::observer::Observer;
 use super::outcome::PipelineError;
 use super::parameters::StatisticalOutlier;
@@ -47,15 +47,13 @@ fn mean_distances(
     // One that is found costs some ten tests on the way through the tree.
     let tests = neighbours as u64 * TESTS_A_NEIGHBOUR;
     effort.foresee(tests.saturating_mul(points.len() as u64))?;
-    let Ok(tree) = ImmutableKdTree::<f32, 3>::new_from_slice(points) else {
-        return Ok(vec![0.0; points.len()]);
-    };
+    let forest = Forest::new(effort.asked(), points)?;
     points
         .par_iter()
         .map(|point| {
             effort.spend(tests)?;
-            let nearest = tree.query(point).nearest_n::<SquaredEuclidean<f32>>(with_itself).execute();
-            let sum: f64 = nearest.iter().skip(1).map(|other| f64::from(other.distance.sqrt())).sum();
+            let nearest = forest.nearest(*point, with_itself);
+            let sum: f64 = nearest.iter().skip(1).map(|squared| f64::from(squared.sqrt())).sum();
             #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "as in PCL")]
             {
                 Ok((sum / neighbours as f64) as f32)

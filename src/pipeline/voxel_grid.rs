@@ -25,20 +25,17 @@ pub fn voxel_grid(cloud: &PointCloud, leaf_mm: f32) -> PointCloud {
 pub(super) fn voxel_grid_asking(asked: Asked<'_>, cloud: &PointCloud, leaf_mm: f32) -> PointCloud {
     let inverse = 1.0 / leaf_mm;
     let floor = |p: [f32; 3]| p.map(|v| (v * inverse).floor());
-    let origin = cloud.points.iter().fold([f32::INFINITY; 3], |least, &p| {
+    let points = || cloud.points.iter().zip(0..).inspect(move |&(_, index)| asked.ask_at(index));
+    let origin = points().fold([f32::INFINITY; 3], |least, (&p, _)| {
         let cell = floor(p);
         [0, 1, 2].map(|axis| least[axis].min(cell[axis]))
     });
-    let mut cells: Vec<(Cell, usize)> = cloud
-        .points
-        .iter()
-        .map(|&p| {
+    let mut cells: Vec<(Cell, usize)> = points()
+        .map(|(&p, index)| {
             let cell = floor(p);
-            [2, 1, 0].map(|axis| integer(cell[axis] - origin[axis]))
+            ([2, 1, 0].map(|axis| integer(cell[axis] - origin[axis])), index)
         })
-        .zip(0..)
         .collect();
-    asked.ask();
     // Each is compared again and again all through the sort.
     cells.par_sort_unstable_by(|a, b| {
         asked.ask_at(a.1);

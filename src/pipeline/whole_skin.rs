@@ -31,8 +31,8 @@ pub(super) fn reconstruct(
         Err(cause) => return Err(PipelineError::NoSkin { cause, partial: Box::new(nothing(shape)) }),
     };
     let mut result = Reconstruction {
-        triplanar: cloud(&skin.points),
-        uniplanar: Plane::ALL.map(|plane| cloud(skin.of(plane))),
+        triplanar: cloud(asked, &skin.points),
+        uniplanar: Plane::ALL.map(|plane| cloud(asked, skin.of(plane))),
         figures: Figures { raw: skin.measured, ..Figures::default() },
         slices: rows(asked, shape, &skin.slices, &skin.border),
         quality: Some(skin.quality),
@@ -55,7 +55,8 @@ pub fn border(volume: &Volume) -> Vec<BorderPoint> {
     skin.map_or_else(|_| Vec::new(), |skin| skin.border)
 }
 
-fn cloud(points: &[SkinPoint]) -> PointCloud {
+fn cloud(asked: Asked<'_>, points: &[SkinPoint]) -> PointCloud {
+    asked.ask();
     PointCloud {
         points: points.iter().map(|point| point.place).collect(),
         planes: points.iter().map(|point| point.planes).collect(),

@@ -104,6 +104,9 @@ fn the_steps_over_the_scan_of_precise_ask_at_every_row() {
         found.unwrap_or_else(|| panic!("{stage:?} {fraction} is told")).2
     };
     let rows = 128 * 60;
+    // Every voxel of so small a scan is one of its histogram, and an ask comes after at most 512.
+    let histogram = asks(Stage::Patient, 0.0);
+    assert!(histogram >= rows * 128 / 512, "of the levels: {histogram}");
     let levels = asks(Stage::Patient, 1.0) - asks(Stage::Patient, 0.0);
     assert!(levels > 1000, "of the patient: {levels}");
     let candidates = asks(Stage::Crossings, 0.4) - asks(Stage::Outside, 1.0);
@@ -146,6 +149,36 @@ fn the_outlier_filters_ask_as_they_go_over_their_points() {
     assert!(watch.asks() >= 2_000, "{} asks", watch.asks());
     let ended = on_threads(|| statistical_outlier::kept(&points, &many, &Stop::at(10)));
     assert!(matches!(ended, Err(PipelineError::Cancelled)));
+}
+
+#[test]
+fn the_search_trees_of_a_large_cloud_are_built_with_asks() {
+    let apart = |ball: Vec<[f32; 3]>, x: f32| ball.into_iter().map(move |p| [p[0] + x, p[1], p[2]]);
+    let points: Vec<[f32; 3]> =
+        [0.0, 200.0, 400.0].into_iter().flat_map(|x| apart(ball(60_000), x)).collect();
+    let mut few = Parameters::paper().statistical_outlier;
+    few.neighbours = 1;
+    let watch = Stop::default();
+    on_threads(|| statistical_outlier::kept(&points, &few, &watch)).expect("nobody stops it");
+    // 180 000 points are bounded, halved and bounded again, with an ask after at most 512; to search the
+    // trees costs 10 tests each, with an ask for every 65 536 of them.
+    assert!(watch.asks() >= 3 * 180_000 / 512, "{} asks", watch.asks());
+    for at in [100, 600, 1000] {
+        let stop = Stop::at(at);
+        let ended = on_threads(|| statistical_outlier::kept(&points, &few, &stop));
+        assert!(matches!(ended, Err(PipelineError::Cancelled)), "at {at}");
+        assert!(stop.asks() <= at + 16 * THREADS, "{} asks after {at}", stop.asks());
+    }
+}
+
+#[test]
+fn a_large_slice_is_put_into_the_volume_with_asks() {
+    let options = Options { columns: 64, rows: 512, slices: 12, ..Options::default() };
+    let instances = Phantom::new(options).unwrap().instances();
+    let instances = InMemory(instances.into_iter().map(|(_, bytes)| bytes).collect());
+    let watch = Stop::default();
+    read(&instances, &ReadLimits::default(), &watch).expect("a volume");
+    assert!(watch.asks() >= 12 * 512, "{} asks for 12 slices of 512 rows", watch.asks());
 }
 
 #[test]

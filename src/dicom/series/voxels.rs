@@ -153,7 +153,8 @@ fn instance(
                 return Err(undecodable(&error, name()));
             }
             *off_its_end = stored.off_its_end;
-            layout.fill(hu, &stored.values, &ToHu { rescale: rescale_of(slice), padding }, counts);
+            let to_hu = ToHu { rescale: rescale_of(slice), padding };
+            layout.fill(hu, &stored.values, &to_hu, counts, observer)?;
             let done = counts.done.fetch_add(1, Ordering::Relaxed) + 1;
             #[expect(clippy::cast_precision_loss)]
             observer.progress(Stage::Reading, done as f64 / total as f64);
@@ -222,9 +223,19 @@ impl Layout {
         Self { orientation, rows, columns, rows_are_slower }
     }
 
-    fn fill(&self, place: &mut [i16], stored: &[i32], to_hu: &ToHu, counts: &Counts) {
+    fn fill(
+        &self,
+        place: &mut [i16],
+        stored: &[i32],
+        to_hu: &ToHu,
+        counts: &Counts,
+        observer: &dyn Observer,
+    ) -> Result<(), SeriesError> {
         let (mut clipped, mut padding, mut tissue) = (0_u64, 0_u64, 0_u64);
         for (r, row) in stored.chunks_exact(self.columns.max(1)).enumerate() {
+            if observer.cancelled() {
+                return Err(super::cancelled());
+            }
             let r = if self.orientation.rows.flipped { self.rows - 1 - r } else { r };
             for (c, &value) in row.iter().enumerate() {
                 let c = if self.orientation.columns.flipped { self.columns - 1 - c } else { c };
@@ -248,6 +259,7 @@ impl Layout {
         counts.clipped.fetch_add(clipped, Ordering::Relaxed);
         counts.padding.fetch_add(padding, Ordering::Relaxed);
         counts.tissue.fetch_add(tissue, Ordering::Relaxed);
+        Ok(())
     }
 
     /// The slices as they were acquired, one after another in `voxels`.

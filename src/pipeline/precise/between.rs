@@ -45,7 +45,7 @@ impl Between {
     /// Puts what only one slice shows where the contours have it, and takes out what nobody can place:
     /// it lies anywhere up to the other slice.
     pub(super) fn settle(&self, space: &Space, crossings: &mut Vec<Crossing>) -> Vec<Doubtful> {
-        let (settled, doubtful) = parted(crossings.par_iter().map(|c| self.settled(space, c)));
+        let (settled, doubtful) = parted(space.asked(), crossings.par_iter().map(|c| self.settled(space, c)));
         *crossings = settled;
         doubtful
     }
@@ -73,7 +73,7 @@ impl Between {
 
     /// Adds the skin between slices that lie far apart, and drops what the lines across them do not
     /// resolve where the contours know better.
-    pub(super) fn fill(&self, space: &Space, crossings: Vec<Crossing>) -> Vec<Crossing> {
+    pub(super) fn fill(&self, space: &Space, crossings: &[Crossing]) -> Vec<Crossing> {
         let made: Vec<Vec<Crossing>> = self
             .gaps
             .par_iter()
@@ -81,12 +81,16 @@ impl Between {
             .panic_fuse()
             .map(|(k, &gap)| if gap < NEAR_MM { Vec::new() } else { self.contours.between(space, k) })
             .collect();
-        let seen = crossings.into_iter().enumerate().filter(|(i, c)| {
+        let seen = crossings.iter().enumerate().filter(|(i, c)| {
             space.ask_at(*i);
             !unresolved(space, c) || !self.contours.knows(space, c.place)
         });
-        let seen = seen.map(|(_, c)| c);
-        seen.chain(made.into_iter().flatten()).collect()
+        let mut filled: Vec<Crossing> = seen.map(|(_, c)| *c).collect();
+        for made in made {
+            space.ask();
+            filled.extend(made);
+        }
+        filled
     }
 
     /// The standard deviation along the normal of what lies anywhere between two slices, mm.

@@ -72,7 +72,7 @@ pub(super) fn find(
             (candidates, doubtful)
         })
         .collect();
-    joined(found)
+    joined(space.asked(), found)
 }
 
 /// A border of the patient that was not accepted as skin.

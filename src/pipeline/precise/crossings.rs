@@ -52,8 +52,8 @@ pub(super) fn measure(
 ) -> (Vec<Crossing>, Vec<Doubtful>) {
     let steep = Steep::new(space);
     let (usual_air, usual_decline) = rayon::join(
-        || median((0..candidates.len()).map(|i| regions.levels(i).1)),
-        || median(candidates.iter().map(|c| c.decline)),
+        || median(space.asked(), (0..candidates.len()).map(|i| regions.levels(i).1)),
+        || median(space.asked(), candidates.iter().map(|c| c.decline)),
     );
     let crossing = |(i, c): (usize, &Candidate)| {
         let doubt = |reason, measured, limit| Doubtful {
@@ -101,7 +101,7 @@ pub(super) fn measure(
                 / contrast,
         })
     };
-    parted(candidates.par_iter().enumerate().map(crossing))
+    parted(space.asked(), candidates.par_iter().enumerate().map(crossing))
 }
 
 /// Six voxels along the line, from the tissue to the air; the candidate's two in the middle.

@@ -4,13 +4,14 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use ndarray::{Axis, CowArray, Ix3, Slice};
+use ndarray::{Array3, ArrayView3, Axis, CowArray, Ix3, Slice};
 
 use super::levels::Levels;
 use super::space::Space;
 use crate::dicom::Volume;
 use crate::geometry::Grid;
 use crate::pipeline::Observer;
+use crate::pipeline::stop::Asked;
 
 /// A vertex is rounder than a ball of this radius, mm: a slice next to an empty one that shows more tissue
 /// than such a ball's cap between the two cuts the patient.
@@ -51,14 +52,27 @@ pub(super) struct Part<'a> {
 }
 
 /// The slices that are `held`, along the axis of a grid of the volume.
-pub(super) fn part<'a>(volume: &'a Volume, grid: &Grid, held: Range<usize>) -> Part<'a> {
+pub(super) fn part<'a>(asked: Asked<'_>, volume: &'a Volume, grid: &Grid, held: Range<usize>) -> Part<'a> {
     let mut shape = grid.shape();
     shape[grid.slice_axis() as usize] = held.len();
     let hu = volume.hu.slice_axis(Axis(grid.slice_axis() as usize), Slice::from(held.clone()));
     // Axial slices follow each other; others are copied.
-    let hu = if hu.is_standard_layout() { hu.into() } else { hu.to_owned().into() };
+    let hu = if hu.is_standard_layout() { hu.into() } else { copied(asked, hu).into() };
     let origins = grid.slice_origins()[held].to_vec();
     Part { hu, grid: Grid::new(grid.slice_axis(), origins, *grid.step(), shape) }
+}
+
+/// A copy, row after row.
+fn copied(asked: Asked<'_>, hu: ArrayView3<'_, i16>) -> Array3<i16> {
+    let mut voxels = Vec::with_capacity(hu.len());
+    for (number, row) in hu.rows().into_iter().enumerate() {
+        asked.ask_at(number);
+        match row.as_slice() {
+            Some(row) => voxels.extend_from_slice(row),
+            None => voxels.extend(row),
+        }
+    }
+    Array3::from_shape_vec(hu.dim(), voxels).expect("as many voxels as its shape has")
 }
 
 impl Part<'_> {

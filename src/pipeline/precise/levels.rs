@@ -67,7 +67,8 @@ impl Levels {
     pub(super) fn of(space: &Space) -> Option<Self> {
         let mut histogram = vec![0u64; (HIGHEST - LOWEST) as usize];
         let stride = (space.hu.len() / 8_000_000).max(1) | 1;
-        for &v in space.hu.iter().step_by(stride) {
+        for (number, &v) in space.hu.iter().step_by(stride).enumerate() {
+            space.ask_at(number);
             let v = i32::from(v);
             if (LOWEST..HIGHEST).contains(&v) {
                 histogram[(v - LOWEST) as usize] += 1;
@@ -154,18 +155,23 @@ fn tissue_noise(space: &Space, tissue: f32) -> f32 {
     let row = space.shape[2];
     let stride = (space.hu.len() / row / 8000).max(1);
     let is_tissue = |v: i16| (f32::from(v) - tissue).abs() <= TISSUE_REACH;
-    let rows = space.hu.chunks_exact(row).step_by(stride);
-    let mut apart: Vec<i32> = rows
-        .flat_map(|row| row.iter().zip(row.iter().skip(APART)))
-        .filter(|(a, b)| is_tissue(**a) && is_tissue(**b))
-        .map(|(a, b)| (i32::from(*a) - i32::from(*b)).abs())
-        .collect();
-    if apart.is_empty() {
-        return 0.0;
+    // How many differ by so much: both are within reach of the tissue's level.
+    let mut apart = [0u64; 2 * TISSUE_REACH as usize + 1];
+    for row in space.hu.chunks_exact(row).step_by(stride) {
+        space.ask();
+        let pairs = row.iter().zip(row.iter().skip(APART));
+        for (a, b) in pairs.filter(|(a, b)| is_tissue(**a) && is_tissue(**b)) {
+            apart[usize::from(a.abs_diff(*b))] += 1;
+        }
     }
-    let middle = apart.len() / 2;
+    let count: u64 = apart.iter().sum();
+    let mut up_to = 0;
+    let median = apart.iter().position(|n| {
+        up_to += n;
+        up_to > count / 2
+    });
     // The median of a normal distribution's absolute value is 0.6745 standard deviations.
-    (f64::from(*apart.select_nth_unstable(middle).1) / 0.6745 / 2_f64.sqrt()) as f32
+    median.map_or(0.0, |median| (median as f64 / 0.6745 / 2_f64.sqrt()) as f32)
 }
 
 /// The lowest value above clipped air from which on there are about as many as on edges, HU.

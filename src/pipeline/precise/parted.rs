@@ -2,11 +2,14 @@
 
 use rayon::prelude::*;
 
+use crate::pipeline::stop::Asked;
+
 /// At least so many results at a time.
 const AT_ONCE: usize = 4096;
 
 /// The results that are accepted, and those that are not.
-pub(super) fn parted<A: Send + Sync + Clone, D: Send + Sync + Clone>(
+pub(super) fn parted<A: Send + Copy, D: Send + Copy>(
+    asked: Asked<'_>,
     results: impl IndexedParallelIterator<Item = Result<A, D>>,
 ) -> (Vec<A>, Vec<D>) {
     let empty = || (Vec::with_capacity(AT_ONCE), Vec::new());
@@ -17,15 +20,27 @@ pub(super) fn parted<A: Send + Sync + Clone, D: Send + Sync + Clone>(
         }
         (accepted, doubtful)
     });
-    joined(parts.collect())
+    joined(asked, parts.collect())
 }
 
 /// Both kinds of all parts, part after part.
-pub(super) fn joined<A: Send + Sync + Clone, D: Send + Sync + Clone>(
+pub(super) fn joined<A: Send + Copy, D: Send + Copy>(
+    asked: Asked<'_>,
     parts: Vec<(Vec<A>, Vec<D>)>,
 ) -> (Vec<A>, Vec<D>) {
     let (accepted, doubtful): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-    rayon::join(|| accepted.concat(), || doubtful.concat())
+    rayon::join(|| concatenated(asked, accepted), || concatenated(asked, doubtful))
+}
+
+fn concatenated<T: Copy>(asked: Asked<'_>, parts: Vec<Vec<T>>) -> Vec<T> {
+    let mut whole = Vec::with_capacity(parts.iter().map(Vec::len).sum());
+    for part in parts {
+        for some in part.chunks(AT_ONCE) {
+            asked.ask();
+            whole.extend_from_slice(some);
+        }
+    }
+    whole
 }
 
 #[cfg(test)]
@@ -36,7 +51,7 @@ mod tests {
     fn the_order_is_kept() {
         let n = 3 * AT_ONCE + 5;
         let one = |i: usize| if i % 7 == 3 { Err(i) } else { Ok(i) };
-        let (accepted, doubtful) = parted((0..n).into_par_iter().map(one));
+        let (accepted, doubtful) = parted(Asked::default(), (0..n).into_par_iter().map(one));
         assert_eq!(accepted, (0..n).filter(|i| i % 7 != 3).collect::<Vec<_>>());
         assert_eq!(doubtful, (0..n).filter(|i| i % 7 == 3).collect::<Vec<_>>());
     }

@@ -41,11 +41,14 @@ impl Pieces {
         let rows: Vec<Vec<Run>> = (0..ny * nz).into_par_iter().panic_fuse().map(runs).collect();
         let mut first = Vec::with_capacity(rows.len() + 1);
         first.push(0);
-        for row in &rows {
-            first.push(first[first.len() - 1] + row.len());
+        let mut runs = Vec::with_capacity(rows.iter().map(Vec::len).sum());
+        for (number, row) in rows.into_iter().enumerate() {
+            asked.ask_at(number);
+            runs.extend(row);
+            first.push(runs.len());
         }
-        let mut runs: Vec<Run> = rows.into_iter().flatten().collect();
         let mut parents: Vec<u32> = (0..runs.len() as u32).collect();
+        asked.ask();
         for row in 0..ny * nz {
             asked.ask_at(row);
             if !row.is_multiple_of(ny) {
@@ -57,6 +60,7 @@ impl Pieces {
         }
         let mut sizes = Vec::new();
         let mut names = vec![u32::MAX; parents.len()];
+        asked.ask();
         for (i, run) in runs.iter_mut().enumerate() {
             asked.ask_at(i);
             let root = root(&mut parents, i as u32) as usize;

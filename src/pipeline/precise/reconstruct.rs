@@ -25,7 +25,7 @@ use super::width::Width;
 use super::{assess, ends, order, plateau};
 use crate::dicom::Volume;
 use crate::geometry::{Plane, PlaneSet, Vec3};
-use crate::pipeline::stop::unless_stopped;
+use crate::pipeline::stop::{Asked, unless_stopped};
 use crate::pipeline::{Observer, Stage};
 
 /// Less soft tissue within bone than this is no head, cm³.
@@ -53,7 +53,8 @@ fn of_held(
 ) -> Result<Skin, NoSkin> {
     let grid = along_coarsest(&volume.grid);
     let all = 0..grid.slice_origins().len();
-    let whole = ends::part(volume, &grid, all.clone());
+    let asked = Asked::of(observer);
+    let whole = ends::part(asked, volume, &grid, all.clone());
     let space = whole.space(observer).ok_or(NoSkin::NoVolume)?;
     let levels = Levels::of(&space).ok_or(NoSkin::NoLevels)?;
     let held = ends::held(&space, &levels);
@@ -61,7 +62,7 @@ fn of_held(
     if held == all {
         return skin(&space, &levels, leaf_mm, limits, doubtful, observer);
     }
-    let part = ends::part(volume, &grid, held.clone());
+    let part = ends::part(asked, volume, &grid, held.clone());
     let space = part.space(observer).ok_or(NoSkin::NoVolume)?;
     let levels = Levels::of(&space).ok_or(NoSkin::NoLevels)?;
     let mut skin = skin(&space, &levels, leaf_mm, limits, doubtful, observer)?;
@@ -117,7 +118,7 @@ fn skin(
         doubtful.extend(between.settle(space, &mut measured));
     }
     space.ask();
-    let mut filled = between.map(|between| between.fill(space, measured.clone()));
+    let mut filled = between.map(|between| between.fill(space, &measured));
     let of_canals = doubtful.iter().filter(|d| d.reason == StretchReason::Canal);
     let canals: Vec<Vec3> = of_canals.map(|d| d.place).collect();
     let near_foreign = |place| patient.is_near_foreign(place);

@@ -56,7 +56,8 @@ impl Regions {
         let of_region = |members: &&[(u64, u32)]| {
             asked.ask();
             let candidates = || members.iter().map(|m| &candidates[m.1 as usize]);
-            let (tissue, air) = (median(candidates().map(|c| c.tissue)), median(candidates().map(|c| c.air)));
+            let tissue = median(asked, candidates().map(|c| c.tissue));
+            let air = median(asked, candidates().map(|c| c.air));
             (
                 tissue.clamp(levels.tissue + TISSUE[0], levels.tissue + TISSUE[1]),
                 air.clamp(levels.air + lowest, levels.air + most_air),
@@ -73,8 +74,17 @@ impl Regions {
 }
 
 /// The middle one of some values, at least one.
-pub(super) fn median(values: impl Iterator<Item = f32>) -> f32 {
-    let mut values: Vec<f32> = values.collect();
+pub(super) fn median(asked: Asked<'_>, values: impl Iterator<Item = f32>) -> f32 {
+    let mut steps = 0;
+    let mut ask = || {
+        steps += 1;
+        asked.ask_at(steps);
+    };
+    let mut values: Vec<f32> = values.inspect(|_| ask()).collect();
     let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+    let compared = |a: &f32, b: &f32| {
+        ask();
+        a.total_cmp(b)
+    };
+    *values.select_nth_unstable_by(middle, compared).1
 }
