@@ -55,7 +55,6 @@ pub(super) struct Context {
 impl Context {
     pub(super) fn new(state: AppState, shutdown: CancellationToken) -> Self {
         let AppState { store, intake, jobs, config, metrics } = state;
-        let uploads = Uploads::new(&config.http);
         let streams = Places::new(
             config.http.max_event_streams,
             config.http.max_event_streams_per_address,
@@ -72,6 +71,7 @@ impl Context {
             );
         }
         let memory = jobs.memory();
+        let uploads = Uploads::new(&config.http, memory.clone());
         let volumes = Arc::new(Volumes::new(store.clone(), &config, memory.clone(), jobs.threads()));
         Self { store, intake, jobs, config, metrics, uploads, streams, hosts, volumes, memory, shutdown }
     }

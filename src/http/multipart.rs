@@ -213,13 +213,16 @@ mod tests {
     use crate::config::Config;
     use crate::crowd::Peer;
     use crate::http::upload::Uploads;
+    use crate::memory::Memory;
 
     /// The parts of `body` when it arrives in pieces of `size` bytes.
     async fn parts(content_type: &str, body: &[u8], size: usize) -> Result<Vec<(PartHeaders, Vec<u8>)>> {
         let pieces: Vec<_> =
             body.chunks(size).map(|piece| Ok::<_, std::io::Error>(Bytes::copy_from_slice(piece))).collect();
         let settings = Config::defaults().http;
-        let place = Uploads::new(&settings).take(Peer::from(IpAddr::from([127, 0, 0, 1]))).unwrap();
+        let place = Uploads::new(&settings, Memory::unlimited())
+            .take(Peer::from(IpAddr::from([127, 0, 0, 1])))
+            .unwrap();
         let body = Body::from_stream(stream::iter(pieces));
         let incoming = Incoming::upload(body, &settings, place.upload().clone());
         let mut multipart = Multipart::new(incoming, &MediaType::parse(content_type).unwrap())?;

@@ -8,12 +8,14 @@ use std::time::Duration;
 use serde_json::json;
 use triplanar::cloud::{Format, PointCloud, encode};
 use triplanar::geometry::{Frame, Plane, PlaneSet};
+use triplanar::intake::{Announced, Encoding, Sender};
 use triplanar::pipeline::Figures;
 use triplanar::store::{Outcome, ReconstructionId};
 
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use uuid::Uuid;
 
-use crate::support::http::{Server, metadata, problem};
+use crate::support::http::{SLICES, Server, metadata, problem, slices};
 
 /// The file of that name in the only result of a reconstruction.
 fn file(server: &Server, id: ReconstructionId, name: &str) -> PathBuf {
@@ -45,10 +47,30 @@ fn large() -> PointCloud {
     }
 }
 
+/// A complete series whose instances came past the HTTP door: uploads need more of the memory budget than
+/// answers do.
+async fn series(server: &Server) {
+    let sender = Uuid::new_v4();
+    for slice in slices(1, SLICES) {
+        let mut spool = server.intake.begin().await.unwrap();
+        spool.write(&slice.part10()).await.unwrap();
+        let announced = Announced {
+            encoding: Encoding::Part10,
+            sop_class_uid: None,
+            sop_instance_uid: None,
+            study_instance_uid: None,
+            sender: Sender::Upload { id: sender },
+        };
+        server.intake.store(spool, announced).await.unwrap();
+    }
+    server.intake.upload_ended(sender).await.unwrap();
+}
+
 /// A reconstruction whose clouds are all that of [`large`], and the stored bytes of the merged one.
 async fn with_large_clouds(server: &Server) -> (ReconstructionId, Vec<u8>) {
-    let (uid, id) = server.queued(1).await;
+    series(server).await;
     let claim = server.store.claim("test", Duration::from_secs(60)).await.unwrap().expect("one waits");
+    let (uid, id) = (claim.reconstruction.series_instance_uid.clone(), claim.lease.id);
     let clouds = [None, Some(Plane::Axial), Some(Plane::Sagittal), Some(Plane::Coronal)]
         .map(|plane| (plane, encode(&large(), &metadata(&uid, plane), Format::PlyBinary, Frame::Lps)));
     let stored = clouds[0].1.clone();

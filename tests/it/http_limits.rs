@@ -15,24 +15,12 @@ async fn raw(server: &Server, bytes: &[u8]) -> String {
 #[tokio::test]
 async fn one_upload_more_than_allowed_is_told_to_come_back() {
     let server = Server::with(|config| config.http.max_uploads = 1).await;
-    let mut slow = TcpStream::connect(server.address).await.unwrap();
-    slow.write_all(b"POST /v1/series HTTP/1.1\r\nhost: localhost\r\ncontent-length: 10000\r\n\r\nPK")
-        .await
-        .unwrap();
-    // Until the first one has been let in, a second one may be; an upload of nothing is refused.
-    loop {
-        let response = server.post("/v1/series").body("x").send().await.unwrap();
-        if response.status() == 503 {
-            assert!(response.headers().contains_key("retry-after"));
-            problem(response, 503, "busy").await;
-            break;
-        }
-    }
+    let (slow, response) = server.filled_by_an_upload().await;
+    assert!(response.headers().contains_key("retry-after"));
+    problem(response, 503, "busy").await;
     drop(slow);
     // The place is free again as soon as the server has seen that.
-    while server.post("/v1/series").body("x").send().await.unwrap().status() == 503 {
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
+    server.room_for_an_upload().await;
     server.upload("", zip_of(1, 3)).await;
 }
 

@@ -51,6 +51,7 @@ mod http_limits;
 mod http_results;
 mod http_stow;
 mod http_upload;
+mod http_upload_memory;
 mod intake_completeness;
 mod intake_identity;
 mod intake_receipt;

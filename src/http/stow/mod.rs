@@ -3,6 +3,8 @@
 
 mod response;
 
+use std::sync::Arc;
+
 use axum::Extension;
 use axum::body::Body;
 use axum::extract::State;
@@ -11,13 +13,12 @@ use axum::response::Response;
 use bytes::{Bytes, BytesMut};
 
 use super::Context;
-use super::body::Incoming;
 use super::client::Client;
 use super::extract::StudyPath;
 use super::identity::Identity;
 use super::media_type::{MediaType, negotiate};
 use super::multipart::Multipart;
-use super::upload::{Arriving, Budget, Finished, Session, admit};
+use super::upload::{Arriving, Budget, Finished, Session, Source, admit};
 use crate::dicom::uid::StudyInstanceUid;
 use crate::error::{Error, Result};
 
@@ -118,8 +119,8 @@ async fn store(
         return Err(Error::NotAcceptable(DICOM_JSON));
     }
     let media_type = MediaType::of_request(headers).unwrap_or_else(MediaType::unknown);
-    let (mut incoming, _permit) = admit(context, client, headers, body)?;
-    let session = Session::new(context.intake.clone(), study);
+    let (mut incoming, place) = admit(context, client, headers, body)?;
+    let session = Session::new(context.intake.clone(), Arc::clone(place.upload()), study);
     let mut storing = Storing { session, budget: Budget::new(&context.config.http), identities: Vec::new() };
     match media_type.essence() {
         "multipart/related"
@@ -151,20 +152,6 @@ async fn store(
         return Err(Error::EmptyUpload);
     }
     Ok(response::respond(&outcomes, &storing.identities))
-}
-
-enum Source<'a> {
-    Body(&'a mut Incoming),
-    Part(&'a mut Multipart),
-}
-
-impl Source<'_> {
-    async fn chunk(&mut self) -> Result<Option<Bytes>> {
-        match self {
-            Self::Body(incoming) => incoming.chunk().await,
-            Self::Part(multipart) => multipart.chunk().await,
-        }
-    }
 }
 
 impl Storing {

@@ -161,7 +161,7 @@ pub(super) fn passed_over(head: &[u8]) -> Option<SkipReason> {
 }
 
 /// A name as it can be told: valid text, no control characters, not too long.
-fn told(name: &[u8]) -> String {
+pub(super) fn told(name: &[u8]) -> String {
     String::from_utf8_lossy(name).chars().filter(|c| !c.is_control()).take(MAX_NAME).collect()
 }
 

@@ -8,6 +8,7 @@ mod places;
 mod receive;
 mod session;
 mod sniff;
+mod source;
 
 use axum::Extension;
 use axum::body::Body;
@@ -36,6 +37,7 @@ pub(super) use budget::Budget;
 pub(super) use places::{Upload, UploadPlace, Uploads};
 use receive::Received;
 pub(super) use session::{Arriving, Finished, Outcome, Session};
+pub(super) use source::Source;
 
 /// What a whole body may call itself; its bytes decide what it is.
 const SINGLE_BODIES: [&str; 9] = [
@@ -111,10 +113,11 @@ pub(super) async fn upload_series(
     }
     let media_type = MediaType::of_request(&headers);
     let essence = media_type.as_ref().map(|it| it.essence().to_owned());
-    let (incoming, _permit) = admit(&context, &client, &headers, body)?;
+    let (incoming, place) = admit(&context, &client, &headers, body)?;
+    let upload = place.upload();
     let received = match (essence.as_deref(), media_type) {
         (Some("multipart/form-data"), Some(media_type)) => {
-            receive::form(&context, Multipart::new(incoming, &media_type)?).await?
+            receive::form(&context, upload, Multipart::new(incoming, &media_type)?).await?
         }
         (Some(essence), _) if !SINGLE_BODIES.contains(&essence) => {
             incoming.linger().await;
@@ -124,7 +127,7 @@ pub(super) async fn upload_series(
                     .to_owned(),
             ));
         }
-        _ => receive::whole(&context, incoming).await?,
+        _ => receive::whole(&context, upload, incoming).await?,
     };
     finish(&context, received, query.expect).await
 }
@@ -138,7 +141,7 @@ pub(super) struct UploadForm {
     files: Vec<Vec<u8>>,
 }
 
-/// Lets an upload in if there is room for it.
+/// Lets an upload in if there is a place and memory for it.
 pub(super) fn admit(
     context: &Context,
     client: &Client,

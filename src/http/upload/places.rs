@@ -1,5 +1,5 @@
-//! Places of uploads: so many in all and so many for one address; and where all are taken, an upload
-//! that is slow loses its place to one that comes.
+//! Places of uploads: so many in all and so many for one address, each with its share of the memory
+//! budget; and where all are taken, an upload that is slow loses its place to one that comes.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -8,12 +8,32 @@ use std::time::{Duration, Instant};
 
 use tokio_util::sync::CancellationToken;
 
+use super::session::AT_A_TIME;
 use crate::config;
 use crate::crowd::Peer;
 use crate::error::{Error, Result};
+use crate::memory::{Memory, Share};
 
 /// An upload is measured for so long before it can lose its place.
 const MEASURED: Duration = Duration::from_secs(2);
+
+/// An instance on its way to the disk: up to 1 MiB is collected before any of it is written, and with what
+/// came last, in a buffer that grows by doubling, that is up to twice as much and a half.
+const INSTANCE_BYTES: u64 = 5 << 19;
+
+/// What else an upload holds: pieces of an archive that wait to be stored, one of the body, the
+/// decompressor's window.
+const BESIDE_BYTES: u64 = 3 << 19;
+
+/// What one upload holds at most while it is received, whatever its size, beside what it remembers.
+const UPLOAD_BYTES: u64 = (AT_A_TIME as u64 + 1) * INSTANCE_BYTES + BESIDE_BYTES;
+
+/// What is remembered of a file until the answer is written: its name (up to 255 characters), its
+/// header or the reason why it was refused, and its line in the answer.
+const FILE_BYTES: u64 = 2048;
+
+/// Memory is taken for so many files at a time.
+const FILES: u64 = 512;
 
 /// The uploads that are being received.
 #[derive(Debug)]
@@ -21,6 +41,7 @@ pub(in crate::http) struct Uploads {
     max: usize,
     max_per_address: usize,
     crowded_bytes_per_second: u64,
+    memory: Memory,
     next: AtomicU64,
     open: Mutex<HashMap<u64, Arc<Upload>>>,
 }
@@ -33,6 +54,15 @@ pub(in crate::http) struct Upload {
     received: AtomicU64,
     whole: AtomicBool,
     displaced: CancellationToken,
+    held: Mutex<Held>,
+}
+
+/// What an upload holds of the memory budget.
+#[derive(Debug)]
+struct Held {
+    share: Share,
+    /// Files that are remembered.
+    files: u64,
 }
 
 /// An upload's place; free again when dropped.
@@ -44,11 +74,12 @@ pub(in crate::http) struct UploadPlace {
 }
 
 impl Uploads {
-    pub(in crate::http) fn new(settings: &config::Http) -> Arc<Self> {
+    pub(in crate::http) fn new(settings: &config::Http, memory: Memory) -> Arc<Self> {
         Arc::new(Self {
             max: settings.max_uploads,
             max_per_address: settings.max_uploads_per_address,
             crowded_bytes_per_second: settings.crowded_bytes_per_second,
+            memory,
             next: AtomicU64::new(0),
             open: Mutex::default(),
         })
@@ -57,8 +88,10 @@ impl Uploads {
     /// A place for an upload of `peer`.
     ///
     /// # Errors
-    /// [`Error::Busy`] if all are taken by uploads that are fast enough for a crowd.
+    /// [`Error::Busy`] if all are taken by uploads that are fast enough for a crowd, or the memory budget is
+    /// in use.
     pub(in crate::http) fn take(self: &Arc<Self>, peer: Peer) -> Result<UploadPlace> {
+        let held = Mutex::new(Held { share: self.memory.take(UPLOAD_BYTES)?, files: 0 });
         let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
         if open.values().filter(|it| it.peer == peer).count() >= self.max_per_address {
             self.displace(&mut open, |it| it.peer == peer).ok_or(Error::Busy(
@@ -76,6 +109,7 @@ impl Uploads {
             received: AtomicU64::new(0),
             whole: AtomicBool::new(false),
             displaced: CancellationToken::new(),
+            held,
         });
         open.insert(id, Arc::clone(&upload));
         Ok(UploadPlace { uploads: Arc::clone(self), id, upload })
@@ -105,6 +139,19 @@ impl Upload {
     /// So many bytes of its body came.
     pub(in crate::http) fn received(&self, bytes: usize) {
         self.received.fetch_add(bytes as u64, Ordering::Relaxed);
+    }
+
+    /// One file more is remembered until the answer is written.
+    ///
+    /// # Errors
+    /// [`Error::Busy`]: the memory budget is in use.
+    pub(in crate::http) fn remember(&self) -> Result<()> {
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        if held.files.is_multiple_of(FILES) {
+            held.share.grow(FILES * FILE_BYTES)?;
+        }
+        held.files += 1;
+        Ok(())
     }
 
     /// Its body has come whole: what takes time now is ours.

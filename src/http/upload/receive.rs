@@ -1,16 +1,19 @@
 //! From the request's bytes to instances: whole bodies, forms, archives.
 
 use std::fs::File;
+use std::sync::Arc;
 
-use bytes::{Bytes, BytesMut};
+use bytes::BytesMut;
 use tokio::io::AsyncWriteExt;
 use tokio::sync::mpsc;
 
 use super::answer::Skipped;
-use super::archive::{Step, passed_over, walk};
+use super::archive::{Step, passed_over, told, walk};
 use super::budget::Budget;
+use super::places::Upload;
 use super::session::{Arriving, Session};
 use super::sniff::{HEAD, Kind, kind};
+use super::source::Source;
 use crate::error::{Error, Result};
 use crate::http::Context;
 use crate::http::body::Incoming;
@@ -26,34 +29,29 @@ pub(super) struct Received {
     budget: Budget,
 }
 
-/// Where the bytes of one file come from.
-enum Source<'a> {
-    Body(&'a mut Incoming),
-    Part(&'a mut Multipart),
-}
-
-impl Source<'_> {
-    async fn chunk(&mut self) -> Result<Option<Bytes>> {
-        match self {
-            Self::Body(incoming) => incoming.chunk().await,
-            Self::Part(multipart) => multipart.chunk().await,
-        }
-    }
-}
-
 impl Received {
-    fn new(context: &Context) -> Self {
+    fn new(context: &Context, upload: &Arc<Upload>) -> Self {
         Self {
-            session: Session::new(context.intake.clone(), None),
+            session: Session::new(context.intake.clone(), Arc::clone(upload), None),
             skipped: Vec::new(),
             budget: Budget::new(&context.config.http),
         }
     }
+
+    fn skip(&mut self, file: Skipped) -> Result<()> {
+        self.session.pass_over()?;
+        self.skipped.push(file);
+        Ok(())
+    }
 }
 
 /// The whole body is one file.
-pub(super) async fn whole(context: &Context, mut incoming: Incoming) -> Result<Received> {
-    let mut received = Received::new(context);
+pub(super) async fn whole(
+    context: &Context,
+    upload: &Arc<Upload>,
+    mut incoming: Incoming,
+) -> Result<Received> {
+    let mut received = Received::new(context, upload);
     let result = file(context, &mut received, String::new(), Source::Body(&mut incoming)).await;
     if let Err(error) = result {
         incoming.linger().await;
@@ -63,8 +61,12 @@ pub(super) async fn whole(context: &Context, mut incoming: Incoming) -> Result<R
 }
 
 /// Every part with a file name is a file.
-pub(super) async fn form(context: &Context, mut multipart: Multipart) -> Result<Received> {
-    let mut received = Received::new(context);
+pub(super) async fn form(
+    context: &Context,
+    upload: &Arc<Upload>,
+    mut multipart: Multipart,
+) -> Result<Received> {
+    let mut received = Received::new(context, upload);
     let result = parts(context, &mut received, &mut multipart).await;
     if let Err(error) = result {
         multipart.linger().await;
@@ -77,7 +79,7 @@ async fn parts(context: &Context, received: &mut Received, multipart: &mut Multi
     while let Some(headers) = multipart.next_part().await? {
         let Some(name) = headers.file_name.filter(|name| !name.is_empty()) else { continue };
         received.budget.entry()?;
-        file(context, received, name, Source::Part(multipart)).await?;
+        file(context, received, told(name.as_bytes()), Source::Part(multipart)).await?;
     }
     Ok(())
 }
@@ -107,8 +109,7 @@ async fn file(
     if kind(&head) == Kind::Instance {
         // A form can hold a whole folder, like an archive; a single body is meant to be an instance.
         if let (Source::Part(_), Some(reason)) = (&source, passed_over(&head)) {
-            received.skipped.push(Skipped { name, reason });
-            return Ok(());
+            return received.skip(Skipped { name, reason });
         }
         let mut arriving = received.session.begin(name, &head).await?;
         arriving.write(&head).await?;
@@ -175,7 +176,7 @@ async fn take(received: &mut Received, arriving: &mut Option<Arriving>, step: St
                 received.session.broken(arriving, cause);
             }
         }
-        Step::Skipped(name, reason) => received.skipped.push(Skipped { name, reason }),
+        Step::Skipped(name, reason) => received.skip(Skipped { name, reason })?,
     }
     Ok(())
 }

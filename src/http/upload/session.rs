@@ -1,12 +1,15 @@
 //! The instances of one request on their way to the intake: a few are made durable at a time
 //! while the next ones arrive.
 
+use std::sync::Arc;
+
 use bytes::Bytes;
 use futures_util::StreamExt;
 use futures_util::stream::FuturesUnordered;
 use tokio::task::{JoinError, JoinHandle};
 use uuid::Uuid;
 
+use super::places::Upload;
 use crate::dicom::uid::{SopInstanceUid, StudyInstanceUid};
 use crate::error::{Error, Result};
 use crate::http::identity::Identity;
@@ -14,7 +17,7 @@ use crate::intake::{Announced, Encoding, Intake, Receipt, Sender, Spool};
 use crate::store::SenderEnd;
 
 /// Instances that are made durable at a time: their syncs share the disk's time.
-const AT_A_TIME: usize = 8;
+pub(super) const AT_A_TIME: usize = 8;
 
 /// The status of what has no room (PS3.4 table B.2-1).
 const OUT_OF_RESOURCES: u16 = 0xA700;
@@ -33,6 +36,8 @@ pub(in crate::http) struct Outcome {
 /// The instances of one request.
 pub(in crate::http) struct Session {
     intake: Intake,
+    /// What the request may hold in memory.
+    upload: Arc<Upload>,
     id: Uuid,
     study: Option<StudyInstanceUid>,
     running: FuturesUnordered<JoinHandle<Outcome>>,
@@ -67,11 +72,12 @@ pub(in crate::http) struct Arriving {
 
 impl Session {
     /// A session whose instances must be of `study`, if one is given.
-    pub(in crate::http) fn new(intake: Intake, study: Option<StudyInstanceUid>) -> Self {
+    pub(in crate::http) fn new(intake: Intake, upload: Arc<Upload>, study: Option<StudyInstanceUid>) -> Self {
         let id = Uuid::now_v7();
         intake.sender_begins(id);
         Self {
             intake,
+            upload,
             id,
             study,
             running: FuturesUnordered::new(),
@@ -87,14 +93,23 @@ impl Session {
     /// An instance begins, with these bytes.
     ///
     /// # Errors
-    /// Only what ends the whole request: no space, shutdown, our own failure.
+    /// Only what ends the whole request: no space, no memory, shutdown, our own failure.
     pub(in crate::http) async fn begin(&mut self, name: String, head: &[u8]) -> Result<Arriving> {
+        self.upload.remember()?;
         let index = self.begun;
         self.begun += 1;
         self.arriving = Identity::of(head).sop_instance_uid;
         let spool = fatal(self.intake.begin().await)?;
         self.within = true;
         Ok(Arriving { index, name, spool })
+    }
+
+    /// A file that is no instance is to be told of.
+    ///
+    /// # Errors
+    /// There is no memory for that.
+    pub(in crate::http) fn pass_over(&self) -> Result<()> {
+        self.upload.remember()
     }
 
     /// Bytes of an instance come that has yet to begin.

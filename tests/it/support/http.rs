@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use reqwest::{Method, RequestBuilder, Response, StatusCode};
 use serde_json::Value;
-use tokio::net::TcpListener;
+use tokio::io::AsyncWriteExt as _;
+use tokio::net::{TcpListener, TcpStream};
 use tokio_util::sync::CancellationToken;
 use triplanar::cloud::{Format, Metadata, PointCloud, encode};
 use triplanar::config::Config;
@@ -107,6 +108,28 @@ impl Server {
         let told = response.text().await.unwrap();
         assert_eq!(status, StatusCode::ACCEPTED, "{told}");
         serde_json::from_str(&told).unwrap()
+    }
+
+    /// An upload whose body does not come, and the refusal of one beside it.
+    pub(crate) async fn filled_by_an_upload(&self) -> (TcpStream, Response) {
+        let mut slow = TcpStream::connect(self.address).await.unwrap();
+        let head = b"POST /v1/series HTTP/1.1\r\nhost: localhost\r\ncontent-length: 10000\r\n\r\nPK";
+        slow.write_all(head).await.unwrap();
+        // Until the first one has been let in, a second one may be; an upload of nothing is refused.
+        loop {
+            let beside = self.post("/v1/series").body("x").send().await.unwrap();
+            if beside.status() == StatusCode::SERVICE_UNAVAILABLE {
+                return (slow, beside);
+            }
+        }
+    }
+
+    /// Returns when an upload is let in.
+    pub(crate) async fn room_for_an_upload(&self) {
+        let refused = async || self.post("/v1/series").body("x").send().await.unwrap().status();
+        while refused().await == StatusCode::SERVICE_UNAVAILABLE {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
     }
 
     /// A complete series of [`SLICES`] slices whose reconstruction waits.
