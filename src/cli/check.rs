@@ -1,10 +1,9 @@
 //! `triplanar check`.
 
-use std::path::PathBuf;
-
 use tokio::runtime::Runtime;
 
-use super::{Exit, Failed, Settings};
+use super::data_dir::DataDir;
+use super::{Exit, Failed};
 use crate::store::{Checked, Store};
 
 /// Check every file of a data directory against its catalog
@@ -14,18 +13,14 @@ use crate::store::{Checked, Store};
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
-    settings: Settings,
-    /// The data directory (setting storage.data_dir)
-    #[arg(long, value_name = "DIR")]
-    data_dir: Option<PathBuf>,
+    data_dir: DataDir,
     /// Print JSON instead of a table
     #[arg(long)]
     json: bool,
 }
 
 pub(super) fn run(args: Args) -> Result<(), Failed> {
-    let mut config = args.settings.load()?.storage;
-    config.data_dir = args.data_dir.unwrap_or(config.data_dir);
+    let config = args.data_dir.storage()?;
     let runtime = Runtime::new().map_err(Failed::internal)?;
     let checked = runtime.block_on(Store::check(&config)).map_err(|error| Failed::new(Exit::Input, error))?;
     if args.json {

@@ -2,6 +2,7 @@
 
 mod check;
 mod compare;
+mod data_dir;
 mod demo;
 mod evaluate;
 mod exit;

@@ -1,10 +1,9 @@
 //! `triplanar rebuild`.
 
-use std::path::PathBuf;
-
 use tokio::runtime::Runtime;
 
-use super::{Failed, Settings};
+use super::Failed;
+use super::data_dir::DataDir;
 use crate::store::{Rebuilt, Store};
 
 /// Make a new catalog from the files of a data directory whose catalog was lost
@@ -14,10 +13,7 @@ use crate::store::{Rebuilt, Store};
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
-    settings: Settings,
-    /// The data directory (setting storage.data_dir)
-    #[arg(long, value_name = "DIR")]
-    data_dir: Option<PathBuf>,
+    data_dir: DataDir,
     /// Also if the present catalog can be opened and is not empty
     #[arg(long)]
     replace: bool,
@@ -27,8 +23,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: Args) -> Result<(), Failed> {
-    let mut config = args.settings.load()?.storage;
-    config.data_dir = args.data_dir.unwrap_or(config.data_dir);
+    let config = args.data_dir.storage()?;
     let runtime = Runtime::new().map_err(Failed::internal)?;
     let rebuilt = runtime.block_on(Store::rebuild(&config, args.replace)).map_err(Failed::internal)?;
     if args.json {
