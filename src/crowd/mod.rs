@@ -4,20 +4,23 @@
 //! | file | what |
 //! |---|---|
 //! | `peer`, `network` | addresses that count as one, and ranges of them |
-//! | `connections` | connections that wait or work; the oldest that wait make room for new ones |
+//! | `member` | one connection: whether it waits or works, since when, and how fast |
+//! | `connections` | all of them; the oldest that wait make room for new ones |
 //! | `places` | places that are taken and given back: associations, streams, requests |
 //! | `pace` | the least rate at which bytes must move |
 //! | `descriptors` | file descriptors for all of it |
 
 mod connections;
 mod descriptors;
+mod member;
 mod network;
 mod pace;
 mod peer;
 mod places;
 
-pub(crate) use connections::{Apart, Awaiting, Busy, Connections, Limits, Member, Place};
+pub(crate) use connections::{Connections, Limits, Place};
 pub(crate) use descriptors::fit;
+pub(crate) use member::{Apart, Awaiting, Busy, Member};
 pub use network::Network;
 pub(crate) use pace::Pace;
 pub(crate) use peer::Peer;
