@@ -59,15 +59,7 @@ fn has(warnings: &[Warning], code: WarningCode) -> bool {
 }
 
 fn slice(index: usize) -> Slice {
-    Slice {
-        uid: format!("1.2.3.4.{}", index + 10),
-        position: [-10.0, -20.0, 2.0 * index as f64],
-        orientation: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
-        spacing: [1.0, 1.0],
-        rows: 4,
-        columns: 6,
-        values: (0..24).map(|value| value + 100 * i16::try_from(index).expect("few")).collect(),
-    }
+    Slice::small(index, (0..24).map(|value| value + 100 * i16::try_from(index).expect("few")).collect())
 }
 
 fn pixels(of: &Slice) -> Vec<u8> {

@@ -16,15 +16,7 @@ fn read(files: &[Vec<u8>]) -> Result<(Volume, Vec<Warning>), SeriesError> {
 }
 
 fn slice(index: usize) -> Slice {
-    Slice {
-        uid: format!("1.2.3.4.{}", index + 10),
-        position: [-10.0, -20.0, 2.0 * index as f64],
-        orientation: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
-        spacing: [1.0, 1.0],
-        rows: 4,
-        columns: 6,
-        values: vec![i16::try_from(index).expect("few"); 24],
-    }
+    Slice::small(index, vec![i16::try_from(index).expect("few"); 24])
 }
 
 /// Ten good slices, each with what is told put into its data set.

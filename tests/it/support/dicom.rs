@@ -112,6 +112,19 @@ impl Slice {
     /// Intercept of what is written.
     pub(crate) const INTERCEPT: i16 = -24;
 
+    /// Slice `index` of a small series: 4 rows of 6 pixels with these values, slices 2 mm apart.
+    pub(crate) fn small(index: usize, values: Vec<i16>) -> Self {
+        Self {
+            uid: format!("1.2.3.4.{}", index + 10),
+            position: [-10.0, -20.0, 2.0 * index as f64],
+            orientation: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+            spacing: [1.0, 1.0],
+            rows: 4,
+            columns: 6,
+            values,
+        }
+    }
+
     /// The elements from the geometry to the rescale.
     pub(crate) fn described(&self, data_set: DataSet) -> DataSet {
         data_set
