@@ -31,6 +31,14 @@ pub enum Error {
     /// The instance is stored already with other pixels or geometry. C003, 409.
     #[error("SOP instance {0} is already stored with different pixels or geometry; the stored one was kept")]
     ConflictingInstance(SopInstanceUid),
+    /// The instance is stored already in another transfer syntax, and the pixels of one of them can't be
+    /// decoded. C009, 409.
+    #[error(
+        "SOP instance {0} is already stored in another transfer syntax, and pixels that can't be decoded here can't be \
+         compared; the stored one was kept: send it in the transfer syntax in which it came first, or give it a UID of \
+         its own"
+    )]
+    IncomparableInstance(SopInstanceUid),
     /// The instance is stored already in another series or study. C004, 409.
     #[error("SOP instance {0} is already stored as part of another series or study; the stored one was kept")]
     ConflictingSeries(SopInstanceUid),
@@ -311,6 +319,7 @@ impl Error {
             Self::MissingAttribute { .. } => ("missing-attribute", "Missing attribute", 0xC002, 422),
             Self::PixelDataSize(_) => ("pixel-data-size", "Pixel data of another size", 0xC007, 422),
             Self::ConflictingInstance(_) => ("conflicting-instance", "Conflicting instance", 0xC003, 409),
+            Self::IncomparableInstance(_) => ("incomparable-instance", "Incomparable instance", 0xC009, 409),
             Self::ConflictingSeries(_) => ("conflicting-series", "Conflicting series", 0xC004, 409),
             Self::ConflictingStudy(_) => ("conflicting-study", "Conflicting study", 0xC006, 409),
             Self::ConflictingIdentity(_) => ("conflicting-identity", "Conflicting identity", 0xC008, 409),

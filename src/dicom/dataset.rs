@@ -7,6 +7,7 @@ use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 use flate2::read::DeflateDecoder;
 
+use super::digest::PALETTE;
 use super::identity::Identity;
 use super::scan::values::{decoded, text, texts};
 use super::scan::{Encoding, Event, Layout, Limits, ScanError, Seekable, Span, Walker, begin};
@@ -16,7 +17,7 @@ use super::uid::SopClassUid;
 use crate::memory::{Memory, Share};
 
 /// What is kept of the walk. Everything else is passed over.
-const WANTED: [Tag; 47] = [
+const WANTED: [Tag; 48] = [
     tags::SPECIFIC_CHARACTER_SET,
     tags::ACCESSION_NUMBER,
     tags::PATIENT_NAME,
@@ -35,6 +36,7 @@ const WANTED: [Tag; 47] = [
     tags::NUMBER_OF_FRAMES,
     tags::SAMPLES_PER_PIXEL,
     tags::PHOTOMETRIC_INTERPRETATION,
+    tags::PLANAR_CONFIGURATION,
     tags::ROWS,
     tags::COLUMNS,
     tags::BITS_ALLOCATED,
@@ -68,6 +70,7 @@ const WANTED: [Tag; 47] = [
 
 fn is_wanted(tag: Tag) -> bool {
     WANTED.contains(&tag)
+        || PALETTE.contains(&tag)
         || OVERLAYS.contains(&tag.0) && [OVERLAY_BIT_POSITION, OVERLAY_DATA].contains(&tag.1)
 }
 
@@ -141,6 +144,20 @@ impl<'a> DataSet<'a> {
     /// The data set itself.
     pub(crate) fn top(&self) -> View<'_> {
         View { bytes: &self.bytes, item: &self.top }
+    }
+
+    /// All that the walk meets, plain values with their bytes.
+    pub(crate) fn walk(&self, limits: &Limits, visit: &mut dyn FnMut(Event, &[u8])) -> Result<(), ScanError> {
+        let mut input = Seekable::new(Cursor::new(&*self.bytes), 0)?;
+        let mut walker = Walker::new(&mut input, self.syntax.layout(), limits);
+        while let Some(event) = walker.next()? {
+            let value = match event {
+                Event::Element { value, .. } => slice(&self.bytes, value),
+                _ => &[],
+            };
+            visit(event, value);
+        }
+        Ok(())
     }
 
     /// Pixel Data, if there is any.

@@ -19,6 +19,7 @@ pub mod transfer_syntax;
 pub mod uid;
 mod volume;
 
-pub use digest::{DigestError, content_digest};
+pub use digest::content_digest;
+pub(crate) use digest::{attributes_digest, content};
 pub use pixel_extent::PixelExtentError;
 pub use volume::{SeriesIdentity, Volume};

@@ -8,7 +8,7 @@ use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, 
 use crate::pipeline::precise::Quality;
 use crate::pipeline::{Figures, Parameters, Stage};
 use crate::store::{
-    ClinicalChoice, CompleteReason, IdentityChange, IdentityField, Page, ReconstructionId,
+    AttributeChange, ClinicalChoice, CompleteReason, IdentityChange, IdentityField, Page, ReconstructionId,
     ReconstructionRecord, ReconstructionState, Refused, SenderEnd, SeriesRecord, SeriesState, TransferDoubt,
     UnfitReason, UnreadableRow,
 };
@@ -143,14 +143,18 @@ pub(super) struct SeriesDetail {
     pub history: Vec<HistoryView>,
 }
 
-/// Something that happened to a series' identity.
+/// Something that happened to the attributes of a series.
 #[derive(Debug, Clone, Serialize, ToSchema)]
 pub(super) struct HistoryView {
     /// `identity_changed`: its instances came again with a corrected identity, and all carry it.
+    /// `attributes_changed`: instances came again with other attributes beside pixels, geometry and
+    /// identity, and are stored as they came last.
     #[schema(examples("identity_changed"))]
     pub event: &'static str,
     /// What of the identity was corrected; what it was before is not kept.
     pub fields: Vec<IdentityField>,
+    /// How many instances came again, of `attributes_changed`.
+    pub instances: Option<u64>,
     /// When the last instance of the correction came.
     #[schema(format = DateTime)]
     pub at: String,
@@ -326,7 +330,34 @@ impl From<SeriesRecord> for SeriesView {
 
 impl From<IdentityChange> for HistoryView {
     fn from(change: IdentityChange) -> Self {
-        Self { event: "identity_changed", fields: change.fields, at: time(change.changed_ms) }
+        Self {
+            event: "identity_changed",
+            fields: change.fields,
+            instances: None,
+            at: time(change.changed_ms),
+        }
+    }
+}
+
+impl From<AttributeChange> for HistoryView {
+    fn from(change: AttributeChange) -> Self {
+        Self {
+            event: "attributes_changed",
+            fields: Vec::new(),
+            instances: Some(change.instances),
+            at: time(change.changed_ms),
+        }
+    }
+}
+
+impl HistoryView {
+    /// All that happened, in the order in which it did.
+    pub(super) fn all(identity: Vec<IdentityChange>, attributes: Vec<AttributeChange>) -> Vec<Self> {
+        let identity = identity.into_iter().map(|change| (change.changed_ms, Self::from(change)));
+        let attributes = attributes.into_iter().map(|change| (change.changed_ms, Self::from(change)));
+        let mut all: Vec<_> = identity.chain(attributes).collect();
+        all.sort_by_key(|(at, _)| *at);
+        all.into_iter().map(|(_, view)| view).collect()
     }
 }
 

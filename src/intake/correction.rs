@@ -1,4 +1,4 @@
-//! An instance that is stored and came again: as it is, or with a corrected identity.
+//! An instance that is stored and came again: as it is, or with a corrected identity or other attributes.
 
 use std::io::Cursor;
 
@@ -62,11 +62,16 @@ impl Intake {
                     return Err(Error::ConflictingIdentity(uid.clone()));
                 }
                 Comparison::Identity(fields) => fields,
+                Comparison::Other => Vec::new(),
             };
             self.read_identities(series).await?;
             self.state_image(new, &stored).await?;
             if let Some(settled) = store.catalog().correct(&stored, &fields, new, sender, policy).await? {
-                tracing::info!(%series, instance = %uid, fields = names(&fields), "identity of an instance corrected");
+                if fields.is_empty() {
+                    tracing::info!(%series, instance = %uid, "attributes beside the identity of an instance corrected");
+                } else {
+                    tracing::info!(%series, instance = %uid, fields = names(&fields), "identity of an instance corrected");
+                }
                 self.shared.metrics.instance_corrected();
                 self.note_settled(series, &settled);
                 if let Err(error) = store.remove_replaced(false).await {

@@ -3,16 +3,19 @@
 use std::io::Cursor;
 
 use super::Intake;
-use crate::dicom::content_digest;
 use crate::dicom::scan::{Encoding, scan};
+use crate::dicom::series::no_slice;
+use crate::dicom::{attributes_digest, content};
 use crate::error::{Error, Result};
 use crate::store::{IdentityField, InstanceRecord, NewInstance, blocking};
 
 /// What a stored instance is to one with its UID that came now.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Comparison {
-    /// The same data set; or the same pixels, geometry and identity in another one.
+    /// The same data set, be it in another transfer syntax.
     Same,
+    /// The same pixels, geometry and identity; other attributes say something else.
+    Other,
     /// The same pixels and geometry; these parts of the identity say something else.
     Identity(Vec<IdentityField>),
 }
@@ -46,21 +49,29 @@ impl Intake {
         let former = self.shared.store.instance_bytes(&stored.blob).await?;
         let latter = self.shared.store.instance_bytes(&new.blob).await?;
         let limits = self.shared.scan_limits;
-        let identity = here.identity.clone();
-        let same = blocking(move || {
-            // What can't be decoded is not known to be the same.
-            let digests = (content_digest(&former, &limits), content_digest(&latter, &limits));
-            if !matches!(digests, (Ok(former), Ok(latter)) if former == latter) {
-                return Ok(None);
+        let is_recoded = there.transfer_syntax_uid != here.transfer_syntax_uid;
+        let (uid, here) = (uid.clone(), here.clone());
+        blocking(move || {
+            match (content(&former, &limits), content(&latter, &limits)) {
+                (Ok(one), Ok(other)) if one.digest == other.digest => {}
+                // What can't be decoded is not known to be the same.
+                (Ok(one), Ok(other)) if is_recoded && !(one.is_decoded && other.is_decoded) => {
+                    return Err(Error::IncomparableInstance(uid));
+                }
+                _ => return Err(Error::ConflictingInstance(uid)),
             }
-            let former = scan(Cursor::new(&former), &Encoding::Part10, &limits)?.header.identity;
-            Ok(Some(former.changed(&identity)))
+            let header = scan(Cursor::new(&former), &Encoding::Part10, &limits)?.header;
+            // Whether it is a slice decides what the cloud shows.
+            if no_slice(&header) != no_slice(&here) {
+                return Err(Error::ConflictingInstance(uid));
+            }
+            let fields = header.identity.changed(&here.identity);
+            if !fields.is_empty() {
+                return Ok(Comparison::Identity(fields));
+            }
+            let same = attributes_digest(&former, &limits)? == attributes_digest(&latter, &limits)?;
+            Ok(if same { Comparison::Same } else { Comparison::Other })
         })
-        .await?;
-        match same {
-            None => Err(Error::ConflictingInstance(uid.clone())),
-            Some(fields) if fields.is_empty() => Ok(Comparison::Same),
-            Some(fields) => Ok(Comparison::Identity(fields)),
-        }
+        .await
     }
 }

@@ -40,6 +40,7 @@ use crate::store::{OpenSender, Policy, Store};
 use crate::telemetry::{Metrics, SenderKind};
 
 pub use crate::dicom::scan::Encoding;
+pub(crate) use spool::Beginning;
 pub use spool::Spool;
 
 /// Who sent an instance.
@@ -200,17 +201,31 @@ impl Intake {
     }
 
     /// The sender ended within an instance: nothing of it is kept. What it sent of a series before is in
-    /// doubt; of one that it began with this instance nothing is known but what stands here.
-    pub(crate) fn cut(&self, sender: &Sender, announced: Option<&str>) {
+    /// doubt, and so is the instance's own series, where what came of it tells that.
+    pub(crate) fn cut(
+        &self,
+        sender: &Sender,
+        announced: Option<&str>,
+        begun: Option<(&Beginning, &Encoding)>,
+    ) {
         let kind = sender.kind();
-        if let Some(instance) = announced.and_then(|uid| uid.parse().ok()) {
-            self.lacks(sender.id(), Some(instance));
+        let told = begun.and_then(|(bytes, encoding)| bytes.identity(encoding, &self.shared.scan_limits));
+        let announced: Option<SopInstanceUid> = announced.and_then(|uid| uid.parse().ok());
+        let (series, instance) = match (told, announced) {
+            (Some((series, told)), announced) => (Some(series), Some(announced.unwrap_or(told))),
+            (None, announced) => (None, announced),
+        };
+        if let Some(instance) = instance.clone() {
+            self.shared.senders.cut(sender.id(), instance, series.clone());
         }
         self.shared.metrics.instance_received(kind, "cut");
-        let (id, instance) = (sender.id(), announced.unwrap_or("not told"));
+        let id = sender.id();
+        let instance = instance.as_ref().map_or("not told", |uid| uid.as_str());
+        let series = series.as_ref().map_or("not told", |uid| uid.as_str());
         tracing::warn!(
             sender = kind.name(),
             %id,
+            series,
             sop_instance_uid = instance,
             "the sender ended within an instance; it was not stored"
         );

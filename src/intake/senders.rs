@@ -1,12 +1,12 @@
 //! What is known of the senders of this process while they are open: in which order they began and
 //! broke off, and which of their instances lack.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use uuid::Uuid;
 
-use crate::dicom::uid::SopInstanceUid;
+use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid};
 use crate::store::{SenderEnd, SenderEnded};
 
 /// See the module.
@@ -25,6 +25,8 @@ struct Open {
     begun: i64,
     broke: Option<i64>,
     cut: BTreeSet<SopInstanceUid>,
+    /// The series of those whose beginning told it.
+    series: BTreeMap<SopInstanceUid, SeriesInstanceUid>,
     has_unnamed: bool,
 }
 
@@ -70,10 +72,21 @@ impl Senders {
         }
     }
 
+    /// An instance of the sender was cut, of that series if its beginning told it.
+    pub(super) fn cut(&self, sender: Uuid, instance: SopInstanceUid, series: Option<SeriesInstanceUid>) {
+        let mut state = self.state();
+        let open = state.of(sender);
+        if let Some(series) = series {
+            open.series.insert(instance.clone(), series);
+        }
+        open.cut.insert(instance);
+    }
+
     /// It came again, and is stored.
     pub(super) fn brought(&self, sender: Uuid, instance: &SopInstanceUid) {
         if let Some(open) = self.state().open.get_mut(&sender) {
             open.cut.remove(instance);
+            open.series.remove(instance);
         }
     }
 
@@ -81,10 +94,16 @@ impl Senders {
     pub(super) fn ended(&self, sender: Uuid, end: SenderEnd) -> SenderEnded {
         let mut state = self.state();
         let now = state.next();
-        let Open { broke, cut, has_unnamed, .. } = state.open.remove(&sender).unwrap_or_default();
+        let Open { broke, cut, series, has_unnamed, .. } = state.open.remove(&sender).unwrap_or_default();
         let lacks = has_unnamed || !cut.is_empty();
         let end = if lacks && end.completes().is_some() { SenderEnd::InstancesRefused } else { end };
-        SenderEnded { end, at: broke.unwrap_or(now), cut: cut.into_iter().collect(), has_unnamed }
+        SenderEnded {
+            end,
+            at: broke.unwrap_or(now),
+            cut: cut.into_iter().collect(),
+            of_series: series.into_iter().collect(),
+            has_unnamed,
+        }
     }
 
     /// Whether instances of the sender lack.

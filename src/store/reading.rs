@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::catalog::{Chosen, set_sha256};
 use super::records::{
-    BrokenTransfer, Clinical, ClinicalChoice, IdentityChange, InstanceRecord, Page, ReconstructionFilter,
-    ReconstructionId, ReconstructionRecord, Refused, SeriesFilter, SeriesRecord,
+    AttributeChange, BrokenTransfer, Clinical, ClinicalChoice, IdentityChange, InstanceRecord, Page,
+    ReconstructionFilter, ReconstructionId, ReconstructionRecord, Refused, SeriesFilter, SeriesRecord,
 };
 use super::recovery::ChoiceRecord;
 use super::source::StoredInstances;
@@ -74,6 +74,14 @@ impl Store {
     /// The catalog's own.
     pub async fn identity_changes(&self, uid: &SeriesInstanceUid) -> Result<Vec<IdentityChange>> {
         self.0.catalog.identity_changes(uid).await
+    }
+
+    /// The corrections of other attributes of a series than its identity, the first one first.
+    ///
+    /// # Errors
+    /// The catalog's own.
+    pub async fn attribute_changes(&self, uid: &SeriesInstanceUid) -> Result<Vec<AttributeChange>> {
+        self.0.catalog.attribute_changes(uid).await
     }
 
     /// Instances of a series that were refused, by SOP Instance UID.

@@ -298,6 +298,15 @@ pub struct IdentityChange {
     pub changed_ms: i64,
 }
 
+/// Instances of a series that came again with other attributes, beside their pixels, geometry and identity.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AttributeChange {
+    /// How many.
+    pub instances: u64,
+    /// When the last of them came, Unix ms.
+    pub changed_ms: i64,
+}
+
 /// An instance that was refused although its series is known; stands in the report.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Refused {

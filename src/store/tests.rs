@@ -168,8 +168,13 @@ async fn deadlines_follow_a_clock_that_is_set_back() {
     fixture.store.catalog().follow_clock(policy).await.unwrap();
     let due = fixture.store.catalog().next_due_ms().await.unwrap().unwrap();
     assert!(due <= now_ms() + policy.quiet_ms, "due in {} ms", due - now_ms());
-    let ended =
-        super::SenderEnded { end: SenderEnd::UploadEnded, at: 1, cut: Vec::new(), has_unnamed: false };
+    let ended = super::SenderEnded {
+        end: SenderEnd::UploadEnded,
+        at: 1,
+        cut: Vec::new(),
+        of_series: Vec::new(),
+        has_unnamed: false,
+    };
     fixture.store.catalog().sender_ended(Uuid::nil(), &ended, policy).await.unwrap();
     let due = fixture.store.catalog().next_due_ms().await.unwrap().unwrap();
     assert!(due <= now_ms() + policy.quiet_after_association_ms, "due in {} ms", due - now_ms());

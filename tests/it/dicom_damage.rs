@@ -17,7 +17,7 @@ const SIDE: usize = 160;
 const BYTES: usize = 2 * SIDE * SIDE;
 
 /// A whole head in few pixels.
-fn head() -> &'static Series {
+pub(crate) fn head() -> &'static Series {
     static HEAD: OnceLock<Series> = OnceLock::new();
     HEAD.get_or_init(|| {
         series(Options {
@@ -40,13 +40,13 @@ fn pixels(files: &mut [Vec<u8>], slice: usize) -> &mut [u8] {
     &mut file[start..]
 }
 
-fn sop_instance_uid(file: &[u8]) -> String {
+pub(crate) fn sop_instance_uid(file: &[u8]) -> String {
     let object = dicom_object::from_reader(file).expect("a DICOM file");
     object.meta().media_storage_sop_instance_uid().to_owned()
 }
 
 /// Exit code, standard error, and the report if there is one.
-fn reconstruct(dir: &Path, files: &[Vec<u8>], profile: &str) -> (Option<i32>, String, Value) {
+pub(crate) fn reconstruct(dir: &Path, files: &[Vec<u8>], profile: &str) -> (Option<i32>, String, Value) {
     let input = dir.join("in");
     std::fs::create_dir_all(&input).expect("a folder");
     for (number, file) in files.iter().enumerate() {

@@ -77,6 +77,17 @@ fn a_picture_that_is_no_slice_is_equal_to_itself_and_to_no_other() {
     *changed.last_mut().expect("pixels") ^= 1;
     assert_ne!(digest(&file), digest(&changed));
     assert_ne!(digest(&file), digest(&picture("DERIVED\\SECONDARY\\OTHER", "YBR_FULL", 3, None)));
+    // The same samples in another order, of other bits, under other colours.
+    let with = |tag, value: &[u8]| {
+        let bytes = picture("DERIVED\\SECONDARY\\OTHER", "PALETTE COLOR", 3, None);
+        let at = bytes.windows(4).position(|tag| tag == [0x28, 0, 0x10, 0]).expect("Rows");
+        let mut element = DataSet::default().put(tag, "US", value).0;
+        element.extend_from_slice(&bytes[at..]);
+        [&bytes[..at], &element].concat()
+    };
+    for tag in [(0x0028, 0x0006), (0x0028, 0x1101), (0x0028, 0x1203), (0x0028, 0x1221)] {
+        assert_ne!(digest(&with(tag, &[1, 0])), digest(&with(tag, &[0, 0])), "{tag:?}");
+    }
 }
 
 fn header(file: &[u8]) -> InstanceHeader {
@@ -213,6 +224,58 @@ fn one_patient_written_in_two_ways_is_one_volume() {
     ] {
         if let Err(error) = read(&parted(tag, vr, one, other)) {
             panic!("{one:?} and {other:?}: {error}");
+        }
+    }
+}
+
+/// Patient ID and Patient's Name.
+type Person = (&'static str, &'static str);
+
+/// Ten slices of which the first six say the one and the last four the other.
+fn people(of: impl Fn(usize) -> Person) -> Vec<Vec<u8>> {
+    ten(|index, data_set| {
+        let (id, name) = of(index);
+        let data_set = if name.is_empty() { data_set } else { data_set.text((0x0010, 0x0010), "PN", name) };
+        if id.is_empty() { data_set } else { data_set.text((0x0010, 0x0020), "LO", id) }
+    })
+}
+
+#[test]
+fn one_patients_id_over_slices_that_carry_only_anothers_name_is_refused_and_both_sets_named() {
+    let pairs: [(Person, Person); 5] = [
+        (("ALICE", ""), ("", "Bob^B")),
+        (("", "Alice^A"), ("BOB", "")),
+        (("ALICE", "Alice^A"), ("", "Bob^B")),
+        (("ALICE", "Alice^A"), ("ALICE", "Bob^B")),
+        (("ALICE", "Alice^A"), ("BOB", "Alice^A")),
+    ];
+    for (one, other) in pairs {
+        both_sets_named(&people(|index| if index < 6 { one } else { other }), "mixed_patient");
+    }
+    // Those without a name belong to whom they share the ID with.
+    let by_id = |index| match index {
+        0..3 => ("ALICE", "Alice^A"),
+        3..6 => ("ALICE", ""),
+        _ => ("", "Bob^B"),
+    };
+    both_sets_named(&people(by_id), "mixed_patient");
+}
+
+#[test]
+fn an_id_and_a_name_that_one_instance_links_are_one_patient() {
+    let ways: [&dyn Fn(usize) -> Person; 4] = [
+        &|index| match index {
+            0..4 => ("4711", ""),
+            4 => ("4711", "DOE^JOHN"),
+            _ => ("", "Doe^John^^"),
+        },
+        &|index| if index < 5 { ("4711", "DOE^JOHN") } else { ("", "DOE^JOHN") },
+        &|index| if index < 5 { ("4711", "") } else { ("", "") },
+        &|index| if index < 5 { ("", "DOE^JOHN") } else { ("", "") },
+    ];
+    for (number, way) in ways.into_iter().enumerate() {
+        if let Err(error) = read(&people(way)) {
+            panic!("{number}: {error}");
         }
     }
 }

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use crate::support::client::Client;
+use crate::support::http::zipped;
 use crate::support::scu::{CT, EXPLICIT, Request, Scu, c_store, ct_slice, pdu, pdv};
 use crate::support::service::{Service, Settings};
 
@@ -177,6 +178,18 @@ fn cut_within(mut scu: Scu, number: u8, index: u16) {
     drop(scu);
 }
 
+async fn doubted(service: &Service, number: u8, doubts: &Value) -> Value {
+    let begin = Instant::now();
+    loop {
+        let told = complete(service, number).await;
+        if told["doubts"] == *doubts {
+            return told;
+        }
+        assert!(begin.elapsed() < Duration::from_secs(60), "{told:#}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+}
+
 /// Waits until so many instances were cut, by the metrics.
 async fn cut(service: &Service, sender: &str, instances: u32) {
     let line = format!("triplanar_instances_total{{sender=\"{sender}\",outcome=\"cut\"}} {instances}");
@@ -192,25 +205,41 @@ async fn cut(service: &Service, sender: &str, instances: u32) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_further_instance_that_is_cut_leaves_a_doubt_and_a_first_one_a_line_in_the_log() {
+async fn an_instance_that_is_cut_leaves_a_doubt_be_it_the_first_one_of_its_sender() {
     let service = settings().start();
     cut_within(stored(&service, 1, 0..4), 1, 4);
     is_doubted(&service, 1, "association_lost").await;
     cut(&service, "association", 1).await;
 
-    // The series is whole, and its sender ended well: what another one meant to add is not known.
+    // The series is whole, and its sender ended well: another one meant to add to it.
     stored(&service, 2, 0..4).release();
     assert_eq!(complete(&service, 2).await["doubts"], json!([]));
     cut_within(Scu::associate(service.dimse, &Request::new(&[(1, CT, &[EXPLICIT])])), 2, 4);
     cut(&service, "association", 2).await;
-    let told = complete(&service, 2).await;
+    let told = doubted(&service, 2, &json!(["incomplete_transfer"])).await;
     assert_eq!(
-        (&told["doubts"], &told["sender_end"], &told["instances"]),
-        (&json!([]), &json!("association_released"), &json!(4)),
+        (&told["sender_end"], &told["instances"]),
+        (&json!("association_lost"), &json!(4)),
         "{told:#}"
     );
-    for cut in [1, 2] {
-        let instance = format!("{}.5", series(cut));
+    // Once it has come it is as whole as it was; and a cut of one that is stored takes nothing away.
+    stored(&service, 2, 4..5).release();
+    doubted(&service, 2, &json!([])).await;
+    cut_within(Scu::associate(service.dimse, &Request::new(&[(1, CT, &[EXPLICIT])])), 2, 2);
+    cut(&service, "association", 3).await;
+    assert_eq!(complete(&service, 2).await["doubts"], json!([]));
+
+    // Of a series that is not there yet: held against it until the instance comes.
+    cut_within(Scu::associate(service.dimse, &Request::new(&[(1, CT, &[EXPLICIT])])), 3, 0);
+    cut(&service, "association", 4).await;
+    stored(&service, 3, 1..5).release();
+    let told = doubted(&service, 3, &json!(["instances_refused"])).await;
+    let detail = told["doubt_details"][0]["detail"].as_str().unwrap();
+    assert!(detail.contains("cut-instance: 1"), "{detail}");
+    stored(&service, 3, 0..5).release();
+    doubted(&service, 3, &json!([])).await;
+    for number in [1, 2] {
+        let instance = format!("{}.5", series(number));
         let log = service.log();
         let line =
             log.lines().find(|line| line.contains("ended within an instance") && line.contains(&instance));
@@ -249,6 +278,28 @@ async fn so_does_a_request_that_is_cut_in_its_first_instance() {
         drop(stream);
         cut(&service, "upload", number).await;
     }
-    let told = complete(&service, 1).await;
-    assert_eq!((&told["doubts"], &told["instances"]), (&json!([]), &json!(4)), "{told:#}");
+    let told = doubted(&service, 1, &json!(["incomplete_transfer"])).await;
+    assert_eq!(told["instances"], 4, "{told:#}");
+
+    // Archives that are cut before the first of their instances.
+    let whole = file(&ct_slice(&series(2), &format!("{}.1", series(2)), 0, 40), &format!("{}.1", series(2)));
+    let archive = zipped(&[("a.dcm", &whole[..])]);
+    for (number, length) in (3_u32..).zip([40, 700]) {
+        let head = format!(
+            "POST /v1/series HTTP/1.1\r\nHost: {}\r\nContent-Type: application/zip\r\nContent-Length: {}\r\n\r\n",
+            service.http,
+            archive.len()
+        );
+        let mut stream = TcpStream::connect(service.http).unwrap();
+        stream.write_all(head.as_bytes()).unwrap();
+        stream.write_all(&archive[..length.min(archive.len() - 30)]).unwrap();
+        tokio::time::sleep(Duration::from_millis(300)).await;
+        drop(stream);
+        cut(&service, "upload", number).await;
+    }
+    // And one whose rest was lost before it was sent.
+    let (status, _) =
+        Client::new(service.http).upload("application/zip", archive[..archive.len() - 30].to_vec()).await;
+    assert_eq!(status, 400);
+    cut(&service, "upload", 5).await;
 }

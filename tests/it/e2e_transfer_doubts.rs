@@ -95,6 +95,37 @@ async fn one_instance_again_does_not_make_it_good_nor_does_less_than_was_announc
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn new_instances_do_not_make_a_break_between_two_instances_good() {
+    let service = settings().start();
+    for number in 1..=4 {
+        abort(stored(&service, number, 0..4));
+        ended(&service, number, "association_aborted").await;
+        // What the broken one meant to send besides nobody knows.
+        stored(&service, number, 4..5).release();
+        is_doubted(&service, number, "association_released").await;
+    }
+    // Nor does one that brings some of them again.
+    stored(&service, 1, 2..6).release();
+    is_doubted(&service, 1, "association_released").await;
+    // What was sent then, again, and the rest of it.
+    stored(&service, 1, 0..8).release();
+    until_doubts(&service, 1, &json!([])).await;
+    // By word.
+    let client = Client::new(service.http);
+    let (status, _) = client.post(&format!("/v1/series/{}/complete", series(2)), &json!({})).await;
+    assert!(status.is_success());
+    until_doubts(&service, 2, &json!([])).await;
+    // By count.
+    let announced = format!("/v1/series/{}/expected-instances", series(3));
+    let request = client.request(reqwest::Method::PUT, &announced).json(&json!({ "instances": 5 }));
+    assert!(request.send().await.unwrap().status().is_success());
+    until_doubts(&service, 3, &json!([])).await;
+    // By a sender that brings all that is stored once more, and ends well.
+    stored(&service, 4, 0..5).release();
+    until_doubts(&service, 4, &json!([])).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn what_was_cut_must_have_come() {
     let service = settings().start();
     // The fifth instance is cut in its data set.
@@ -118,7 +149,13 @@ async fn a_revision_keeps_the_doubt_under_which_it_was_made() {
     is_doubted(&service, 1, "association_aborted").await;
     let client = Client::new(service.http);
     // A sender that ends well and leaves a gap: the second revision is another one's matter.
-    stored(&service, 1, 8..11).release();
+    let mut again = stored(&service, 1, 0..4);
+    for index in 8..11 {
+        let (uid, data_set) = instance(1, index);
+        again.store(1, index + 1, &uid, &data_set, 8_000);
+        assert_eq!(again.response().status(), 0);
+    }
+    again.release();
     let now = until_doubts(&service, 1, &json!([])).await;
     assert_eq!(now["revision"], 2, "{now:#}");
     let rows = client.reconstructions(&series(1)).await;

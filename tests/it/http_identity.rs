@@ -57,3 +57,22 @@ async fn a_series_whose_identity_is_changing_serves_no_cloud() {
     assert_eq!(found["items"].as_array().unwrap().len(), 1);
     assert_eq!(series(&server, "/v1/series?PatientID=PATIENT-4711").await["items"], serde_json::json!([]));
 }
+
+#[tokio::test]
+async fn other_attributes_are_told_in_the_history_without_what_they_say() {
+    let server = Server::start().await;
+    let (uid, id) = server.succeeded(1).await;
+    let files: Vec<(String, Vec<u8>)> = slices(1, SLICES)
+        .into_iter()
+        .map(|slice| (slice.number.to_string(), Slice { comments: "ZQ-COMMENT", ..slice }.part10()))
+        .collect();
+    let files: Vec<(&str, &[u8])> = files.iter().map(|(name, file)| (name.as_str(), &file[..])).collect();
+    server.upload("", zipped(&files)).await;
+    let told = series(&server, &format!("/v1/series/{uid}")).await;
+    assert_eq!((&told["identity_changing"], &told["revision"]), (&Value::from(false), &Value::from(1)));
+    assert_eq!(told["history"][0]["event"], "attributes_changed");
+    assert_eq!(told["history"][0]["instances"], SLICES);
+    assert!(!told.to_string().contains("ZQ-COMMENT"));
+    let cloud = server.get(&format!("/v1/reconstructions/{id}/cloud")).send().await.unwrap();
+    assert_eq!(cloud.status(), 200);
+}

@@ -205,3 +205,75 @@ async fn a_series_of_two_patients_has_the_identity_of_neither() {
     assert_eq!(entrance.series(1).await.patient_id.as_deref(), Some(CORRECTED));
     assert_eq!(claimed(&entrance).await, Some(claim.reconstruction.id));
 }
+
+/// The slice with other attributes that nothing here reads.
+fn commented(number: u32) -> Slice {
+    Slice { comments: "ZQ-COMMENT", ..Slice::of(1, number) }
+}
+
+#[tokio::test]
+async fn other_attributes_are_kept_and_told_without_a_change_of_identity_or_revision() {
+    let dir = tempdir().unwrap();
+    let entrance = Entrance::open(settings(dir.path())).await;
+    let uid = Slice::of(1, 1).series_uid();
+    let id = complete(&entrance).await;
+    let claim = entrance.store.claim("test", Duration::from_secs(60)).await.unwrap().expect("the job");
+    assert!(entrance.store.finish_success(&claim.lease, &outcome("first")).await.unwrap());
+    for number in 1..4 {
+        let receipt = entrance.send(Uuid::new_v4(), &commented(number)).await.unwrap();
+        assert!(!receipt.duplicate);
+        assert!(!entrance.series(1).await.identity_changing);
+    }
+    // Again as it is stored now, and in another transfer syntax.
+    assert!(entrance.send(Uuid::new_v4(), &commented(1)).await.unwrap().duplicate);
+    let implicit = Slice { syntax: crate::support::slice::IMPLICIT, ..commented(1) };
+    assert!(entrance.send(Uuid::new_v4(), &implicit).await.unwrap().duplicate);
+
+    let entrance = entrance.restart().await;
+    let series = entrance.series(1).await;
+    assert_eq!((series.revision, series.instances), (1, 4));
+    assert!(entrance.store.identity_changes(&uid).await.unwrap().is_empty());
+    let changes = entrance.store.attribute_changes(&uid).await.unwrap();
+    assert_eq!(changes.iter().map(|change| change.instances).collect::<Vec<_>>(), [3]);
+    let instances = entrance.store.instances(&uid).await.unwrap();
+    let source = entrance.store.instance_source(&instances);
+    for (index, number) in (1..4).enumerate() {
+        assert!(source.read(index).unwrap().ends_with(&commented(number).data_set()), "it is stored");
+    }
+    assert!(source.read(3).unwrap().ends_with(&Slice::of(1, 4).data_set()));
+    assert_eq!(series.bytes, instances.iter().map(|instance| instance.size).sum::<u64>());
+    assert_eq!(blobs(dir.path()), 4, "the former data sets are gone");
+    // The reconstruction is of the same pixels.
+    let (same, queued) = entrance.store.enqueue(&uid, &Parameters::paper(), 10).await.unwrap();
+    assert_eq!((same.id, queued), (id, false));
+    // With the identity they are a correction of that.
+    entrance.send(Uuid::new_v4(), &Slice { comments: "", ..corrected(1) }).await.unwrap();
+    assert!(entrance.series(1).await.identity_changing);
+}
+
+#[tokio::test]
+async fn other_attributes_under_which_it_is_no_slice_are_a_conflict() {
+    let dir = tempdir().unwrap();
+    let entrance = Entrance::open(settings(dir.path())).await;
+    complete(&entrance).await;
+    let error =
+        entrance.send(Uuid::new_v4(), &Slice { modality: "MR", ..Slice::of(1, 1) }).await.unwrap_err();
+    assert!(matches!(error, Error::ConflictingInstance(_)), "{error:?}");
+}
+
+#[tokio::test]
+async fn a_picture_in_another_transfer_syntax_is_a_conflict_of_its_own_name() {
+    let dir = tempdir().unwrap();
+    let entrance = Entrance::open(settings(dir.path())).await;
+    let picture = Slice { samples: 3, ..Slice::of(1, 1) };
+    entrance.send(Uuid::new_v4(), &picture).await.unwrap();
+    assert!(entrance.send(Uuid::new_v4(), &picture).await.unwrap().duplicate);
+    let implicit = Slice { syntax: crate::support::slice::IMPLICIT, ..picture.clone() };
+    let error = entrance.send(Uuid::new_v4(), &implicit).await.unwrap_err();
+    assert!(matches!(error, Error::IncomparableInstance(_)), "{error:?}");
+    assert_eq!((error.mapping().dimse_status, error.mapping().http_status), (0xC009, 409));
+    assert!(error.to_string().contains("transfer syntax"), "{error}");
+    // With another identity in the same one it is a correction.
+    let corrected = Slice { patient_id: CORRECTED, ..picture };
+    assert!(!entrance.send(Uuid::new_v4(), &corrected).await.unwrap().duplicate);
+}

@@ -11,6 +11,7 @@ mod cloud_ply;
 mod dicom_damage;
 mod dicom_decode;
 mod dicom_jpeg_lossless;
+mod dicom_mixed_rescale;
 mod dicom_odd_encodings;
 mod dicom_pixel_data;
 mod dicom_scan;

@@ -32,6 +32,8 @@ pub(super) struct Instance {
     /// Number of Frames is 0.
     pub(super) frames_are_zero: bool,
     pub(super) matrix: Option<(u16, u16)>,
+    /// Bits Stored and Pixel Representation.
+    pub(super) format: Option<(u16, u16)>,
     pub(super) number: Option<i64>,
     pub(super) frames: Vec<Frame>,
 }
@@ -118,6 +120,7 @@ impl Instance {
                 .any(|tag| top.bytes(tag).is_some_and(|value| !value.is_empty())),
             identity: top.identity(),
             matrix: top.u16(tags::ROWS).zip(top.u16(tags::COLUMNS)),
+            format: top.u16(tags::BITS_STORED).zip(top.u16(tags::PIXEL_REPRESENTATION)),
             number: top.integer(tags::INSTANCE_NUMBER),
             frames,
         })

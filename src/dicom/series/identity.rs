@@ -24,10 +24,10 @@ pub(super) fn one_study(instances: &[Instance]) -> Result<(), SeriesError> {
 /// Refuses instances of which some are of another patient than the others.
 pub(super) fn one_patient(instances: &[Instance]) -> Result<(), SeriesError> {
     let identities: Vec<&Identity> = instances.iter().map(|instance| &instance.identity).collect();
-    let Some((field, sets)) = parted(&identities) else { return Ok(()) };
+    let Some((parting, sets)) = parted(&identities) else { return Ok(()) };
     let uids = |set: Vec<usize>| set.into_iter().map(|index| instances[index].sop_instance_uid.clone());
     let sets = sets.into_iter().map(|set| uids(set).collect()).collect();
-    Err(mixed("mixed_patient", &format!("patients ({field} differs)"), sets))
+    Err(mixed("mixed_patient", &format!("patients ({parting})"), sets))
 }
 
 /// The error that names the instances set after set, the largest first, and how many are of each.

@@ -31,6 +31,7 @@ use orient::Orientation;
 use slice::Slice;
 
 pub use error::SeriesError;
+pub(crate) use unfit::no_slice;
 pub use unfit::{unfit, unfit_detail};
 pub use warning::{DoubtfulRows, IgnoredInstance, RowsDoubt, Warning, WarningCode};
 

@@ -22,6 +22,8 @@ pub(super) struct Slice {
     pub(super) frame_of_reference_uid: Option<FrameOfReferenceUid>,
     /// Rows, columns.
     pub(super) matrix: Option<(u16, u16)>,
+    /// Bits Stored and Pixel Representation.
+    pub(super) format: Option<(u16, u16)>,
     /// Photometric Interpretation of its instance.
     pub(super) photometric: Option<String>,
     /// Its instance went through a lossy compression.
@@ -75,6 +77,7 @@ pub(super) fn candidates(instances: &[Instance]) -> Result<(Vec<Slice>, Vec<Igno
             series_instance_uid: instance.series_instance_uid.clone(),
             frame_of_reference_uid: instance.frame_of_reference_uid.clone(),
             matrix: instance.matrix,
+            format: instance.format,
             photometric: instance.photometric.clone(),
             is_lossy: instance.is_lossy,
         }));

@@ -30,6 +30,11 @@ pub fn unfit_detail(headers: &[InstanceHeader], min_slices: usize) -> Option<Str
     })
 }
 
+/// Why an instance with that header is no slice of its series; `None` if it can be one.
+pub(crate) fn no_slice(header: &InstanceHeader) -> Option<UnfitReason> {
+    Facts::from(header).no_slice()
+}
+
 /// The reason, and the number of slices.
 fn judged(headers: &[InstanceHeader], min_slices: usize) -> Option<(UnfitReason, u64)> {
     let reasons: Vec<_> = headers.iter().map(|header| Facts::from(header).no_slice()).collect();

@@ -8,7 +8,7 @@ use ndarray::Array3;
 use rayon::prelude::*;
 
 use super::check::rescale_of;
-use super::coherence::{self, Finding, Stack};
+use super::coherence::{self, Finding, Reading, Stack};
 use super::frame::{Geometry, Rescale};
 use super::orient::Orientation;
 use super::slice::Slice;
@@ -20,7 +20,7 @@ use crate::geometry::Axis;
 use crate::pipeline::{Observer, Stage};
 
 /// Hounsfield units that pixels marked as padding (PS3.3 section C.7.5.1.1.2) get: air.
-const PADDING_HU: i16 = -1024;
+pub(super) const PADDING_HU: i16 = -1024;
 /// Padding above this could be tissue: half the way from air to water, HU.
 const TISSUE_HU: f64 = -500.0;
 
@@ -104,7 +104,10 @@ pub(super) fn read(
             warnings.push(Warning::new(code, format!("{count} {what}")));
         }
     }
-    let findings = coherence::findings(&layout.stack(&voxels, slices), &off_their_ends, observer);
+    let reading = |slice: &Slice| Reading { rescale: rescale_of(slice), format: slice.format };
+    let readings: Vec<Reading> = slices.iter().map(reading).collect();
+    let stack = layout.stack(&voxels, slices, &readings);
+    let findings = coherence::findings(&stack, &off_their_ends, observer);
     // What is found in a part of the slices counts for nothing.
     if observer.cancelled() {
         return Err(super::cancelled());
@@ -263,7 +266,7 @@ impl Layout {
     }
 
     /// The slices as they were acquired, one after another in `voxels`.
-    fn stack<'a>(&self, voxels: &'a [i16], slices: &[Slice]) -> Stack<'a> {
+    fn stack<'a>(&self, voxels: &'a [i16], slices: &[Slice], readings: &'a [Reading]) -> Stack<'a> {
         let normal = slices.first().map_or([0.0; 3], |slice| slice.geometry().normal());
         let places: Vec<f64> = slices.iter().map(|slice| slice.along(normal)).collect();
         let step_mm = places.windows(2).map(|two| (two[1] - two[0]).abs()).fold(0.0, f64::max);
@@ -272,6 +275,7 @@ impl Layout {
         };
         Stack {
             voxels,
+            readings,
             count: slices.len(),
             rows: self.rows,
             columns: self.columns,

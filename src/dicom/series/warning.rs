@@ -69,6 +69,9 @@ pub enum RowsDoubt {
     Repeated,
     /// A block of the compressed frame ends before or after its data: bytes. Told of the whole frame.
     Stream,
+    /// Air or soft tissue lies at another level than in the other slices, from one slice to the next and
+    /// on, as of slices with another slope and intercept than their values have: HU. Told of whole slices.
+    Step,
 }
 
 /// An instance of the series that is no slice of it.

@@ -96,11 +96,14 @@ fn announced(request: &Request, sender: Sender) -> Result<Announced, Refusal> {
 /// then, and with it its file.
 async fn receive(request: &Request, association: &mut Association) -> Result<Result<Spool, Error>, Fault> {
     let mut spool = association.intake().begin().await;
+    let beginning = spool.as_ref().ok().map(Spool::beginning);
     loop {
         let data = association.data(request).await;
         if data.is_err() {
             let instance = request.command.text(element::AFFECTED_SOP_INSTANCE_UID);
-            association.intake().cut(&association.sender(), instance);
+            let encoding = Encoding::DataSet(request.context.transfer_syntax.uid());
+            let begun = beginning.as_ref().map(|beginning| (beginning, &encoding));
+            association.intake().cut(&association.sender(), instance, begun);
         }
         let (data, last) = data?;
         match &mut spool {

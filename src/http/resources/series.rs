@@ -116,6 +116,9 @@ pub(in crate::http) async fn get_series(
         clinical,
         doubt_details,
         refused: refused.into_iter().map(RefusedView::from).collect(),
-        history: context.store.identity_changes(&uid).await?.into_iter().map(HistoryView::from).collect(),
+        history: HistoryView::all(
+            context.store.identity_changes(&uid).await?,
+            context.store.attribute_changes(&uid).await?,
+        ),
     }))
 }

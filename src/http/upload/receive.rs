@@ -95,10 +95,14 @@ async fn file(
     let mut ended = false;
     while head.len() < HEAD && !ended {
         match source.chunk().await? {
-            Some(chunk) => head.extend_from_slice(&chunk),
+            Some(chunk) => {
+                received.session.expect_instance();
+                head.extend_from_slice(&chunk);
+            }
             None => ended = true,
         }
     }
+    received.session.expects_no_more();
     let head = head.freeze();
     if head.is_empty() {
         let arriving = received.session.begin(name, &head).await?;
@@ -120,6 +124,7 @@ async fn file(
     }
     // Refuses before the body if the disk is full.
     drop(context.intake.begin().await?);
+    received.session.expect_instance();
     let mut spooled = tokio::fs::File::from_std(tempfile::tempfile_in(context.store.incoming())?);
     spooled.write_all(&head).await?;
     while let Some(chunk) = source.chunk().await? {
@@ -127,6 +132,7 @@ async fn file(
         spooled.write_all(&chunk).await?;
     }
     spooled.flush().await?;
+    received.session.expects_no_more();
     let mut spooled = spooled.into_std().await;
     std::io::Seek::rewind(&mut spooled)?;
     unpack(received, spooled).await
@@ -150,6 +156,10 @@ async fn unpack(received: &mut Received, file: File) -> Result<()> {
     drop(steps);
     let walked = walker.await.map_err(Error::internal)?;
     stored?;
+    if matches!(walked, Err(Error::MalformedUpload(_))) && received.session.is_empty() {
+        // What should have been in it is lost.
+        received.session.expect_instance();
+    }
     received.budget = walked?;
     Ok(())
 }

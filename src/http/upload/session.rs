@@ -13,7 +13,7 @@ use super::places::Upload;
 use crate::dicom::uid::{SopInstanceUid, StudyInstanceUid};
 use crate::error::{Error, Result};
 use crate::http::identity::Identity;
-use crate::intake::{Announced, Encoding, Intake, Receipt, Sender, Spool};
+use crate::intake::{Announced, Beginning, Encoding, Intake, Receipt, Sender, Spool};
 use crate::store::SenderEnd;
 
 /// Instances that are made durable at a time: their syncs share the disk's time.
@@ -47,6 +47,8 @@ pub(in crate::http) struct Session {
     within: bool,
     /// What it calls itself, where it is a file that tells.
     arriving: Option<SopInstanceUid>,
+    /// What has come of it.
+    beginning: Option<Beginning>,
     /// An instance could not be read to its end, or was refused for want of room.
     torn: bool,
     finished: bool,
@@ -85,6 +87,7 @@ impl Session {
             begun: 0,
             within: false,
             arriving: None,
+            beginning: None,
             torn: false,
             finished: false,
         }
@@ -100,6 +103,7 @@ impl Session {
         self.begun += 1;
         self.arriving = Identity::of(head).sop_instance_uid;
         let spool = fatal(self.intake.begin().await)?;
+        self.beginning = spool.as_ref().ok().map(Spool::beginning);
         self.within = true;
         Ok(Arriving { index, name, spool })
     }
@@ -112,9 +116,19 @@ impl Session {
         self.upload.remember()
     }
 
-    /// Bytes of an instance come that has yet to begin.
+    /// Bytes of an instance come that has yet to begin, or of an archive of them.
     pub(in crate::http) fn expect_instance(&mut self) {
-        self.within = true;
+        (self.within, self.arriving, self.beginning) = (true, None, None);
+    }
+
+    /// Whether nothing has begun to arrive yet.
+    pub(in crate::http) fn is_empty(&self) -> bool {
+        self.begun == 0
+    }
+
+    /// What came was whole, whether there were instances in it or not.
+    pub(in crate::http) fn expects_no_more(&mut self) {
+        self.within = false;
     }
 
     /// The instance is whole: makes it durable in the background.
@@ -210,7 +224,8 @@ impl Drop for Session {
         let (intake, id) = (self.intake.clone(), self.id);
         intake.sender_breaks(id);
         if self.within {
-            intake.cut(&Sender::Upload { id }, self.arriving.as_ref().map(|uid| uid.as_str()));
+            let begun = self.beginning.as_ref().map(|beginning| (beginning, &Encoding::Part10));
+            intake.cut(&Sender::Upload { id }, self.arriving.as_ref().map(|uid| uid.as_str()), begun);
         }
         let mut running = std::mem::take(&mut self.running);
         tokio::spawn(async move {

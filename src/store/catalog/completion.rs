@@ -6,6 +6,7 @@ use super::instances::{set_sha256, signed};
 use super::queue::{self, Enqueued};
 use super::{Catalog, clinical, corrections, reconstructions, rows, senders, series, transfers};
 use crate::dicom::header::InstanceHeader;
+use crate::dicom::identity::parted;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
 use crate::pipeline::Parameters;
@@ -150,7 +151,11 @@ async fn end(
     transfers::refresh(connection, uid).await?;
     if !record.identity_changing {
         // One patient's identity over all instances, or none.
-        let common = |field| corrections::common(headers.iter().map(|header| header.identity.get(field)));
+        let identities: Vec<_> = headers.iter().map(|header| &header.identity).collect();
+        let is_one = parted(&identities).is_none();
+        let common = |field| {
+            corrections::common(identities.iter().map(|identity| identity.get(field))).filter(|_| is_one)
+        };
         sqlx::query("UPDATE series SET patient_id = $2, accession_number = $3 WHERE series_uid = $1")
             .bind(uid.as_str())
             .bind(common(IdentityField::PatientId))

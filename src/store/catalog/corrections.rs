@@ -1,4 +1,4 @@
-//! Corrected identities: an instance that is stored, with the same pixels and geometry, came again
+//! Corrected attributes and identities: an instance that is stored, with the same pixels and geometry, came again
 //! with another identity. Its row then names the new data set; the series' identity is changing until
 //! every instance carries the new one.
 //!
@@ -14,7 +14,7 @@ use super::{Catalog, now_ms, queue, rows, senders};
 use crate::dicom::identity::{Identity, parted};
 use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid};
 use crate::error::Result;
-use crate::store::records::{IdentityChange, IdentityField, InstanceRecord};
+use crate::store::records::{AttributeChange, IdentityChange, IdentityField, InstanceRecord};
 
 /// What a confirmed instance did to its series.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -26,8 +26,8 @@ pub(crate) struct Settled {
 }
 
 impl Catalog {
-    /// Gives the stored instance the new data set and its identity, and keeps the key of the former
-    /// blob until nobody reads it. `None`: the row is no longer as `stored` has it, nothing changed.
+    /// Gives the stored instance the new data set and its identity, of which `fields` have changed, or else
+    /// other attributes have; keeps the key of the former blob until nobody reads it. `None`: the row is no longer as `stored` has it, nothing changed.
     pub(crate) async fn correct(
         &self,
         stored: &InstanceRecord,
@@ -46,29 +46,39 @@ impl Catalog {
             .bind(uid.as_str())
             .execute(&mut *tx)
             .await?;
-        let changing = changing(&mut tx, uid).await?;
-        let mut all = changing.fields.clone().unwrap_or_default();
-        all.extend(fields);
-        all.sort_unstable();
-        all.dedup();
-        let round = if changing.fields.is_some() { changing.round } else { changing.round + 1 };
-        sqlx::query(
-            "UPDATE series SET identity_round = $2, identity_changing = $3, bytes = bytes - $4 + $5, updated_ms = $6 \
-             WHERE series_uid = $1",
-        )
-        .bind(uid.as_str())
-        .bind(round)
-        .bind(joined(&all))
-        .bind(signed(stored.size))
-        .bind(signed(new.size))
-        .bind(now)
-        .execute(&mut *tx)
-        .await?;
+        sqlx::query("UPDATE series SET bytes = bytes - $2 + $3, updated_ms = $4 WHERE series_uid = $1")
+            .bind(uid.as_str())
+            .bind(signed(stored.size))
+            .bind(signed(new.size))
+            .bind(now)
+            .execute(&mut *tx)
+            .await?;
+        sqlx::query(DESCRIBE).bind(uid.as_str()).execute(&mut *tx).await?;
+        if fields.is_empty() {
+            note_attributes(&mut tx, uid, now, policy).await?;
+        } else {
+            begin_change(&mut tx, uid, fields).await?;
+        }
         let settled = confirm(&mut tx, uid, &new.header.sop_instance_uid, now).await?;
         senders::heard(&mut tx, uid, sender, &self.process, policy).await?;
         transfers::brought(&mut tx, uid, &new.header.sop_instance_uid, sender.id, false).await?;
         tx.commit().await?;
         Ok(Some(settled))
+    }
+
+    /// The corrections of other attributes of a series than its identity, the first one first.
+    pub(crate) async fn attribute_changes(&self, uid: &SeriesInstanceUid) -> Result<Vec<AttributeChange>> {
+        let found: Vec<(i64, i64)> = sqlx::query_as(
+            "SELECT instances, changed_ms FROM attribute_changes WHERE series_uid = $1 ORDER BY changed_ms",
+        )
+        .bind(uid.as_str())
+        .fetch_all(&self.readers)
+        .await?;
+        let change = |(instances, changed_ms): (i64, i64)| AttributeChange {
+            instances: instances.unsigned_abs(),
+            changed_ms,
+        };
+        Ok(found.into_iter().map(change).collect())
     }
 
     /// Instances of the series whose identity an earlier version did not read, and their blobs.
@@ -144,6 +154,60 @@ impl Catalog {
         }
         Ok(tx.commit().await?)
     }
+}
+
+/// The series has the description that all its instances have, if they have one.
+const DESCRIBE: &str = "UPDATE series SET description = (SELECT MIN(description) FROM instances i \
+                        WHERE i.series_uid = $1) WHERE series_uid = $1 AND 1 = (SELECT COUNT(DISTINCT \
+                        COALESCE(description, '')) FROM instances i WHERE i.series_uid = $1)";
+
+/// These parts of the identity of an instance have changed: the series' identity is changing.
+async fn begin_change(
+    connection: &mut Connection,
+    uid: &SeriesInstanceUid,
+    fields: &[IdentityField],
+) -> Result<()> {
+    let changing = changing(connection, uid).await?;
+    let mut all = changing.fields.clone().unwrap_or_default();
+    all.extend(fields);
+    all.sort_unstable();
+    all.dedup();
+    let round = if changing.fields.is_some() { changing.round } else { changing.round + 1 };
+    sqlx::query("UPDATE series SET identity_round = $2, identity_changing = $3 WHERE series_uid = $1")
+        .bind(uid.as_str())
+        .bind(round)
+        .bind(joined(&all))
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+/// Other attributes of an instance have changed: with what came within the quiet time before it is one
+/// correction.
+async fn note_attributes(
+    connection: &mut Connection,
+    uid: &SeriesInstanceUid,
+    now: i64,
+    policy: &Policy,
+) -> Result<()> {
+    let same = sqlx::query(
+        "UPDATE attribute_changes SET instances = instances + 1, changed_ms = $2 WHERE series_uid = $1 \
+         AND changed_ms = (SELECT MAX(changed_ms) FROM attribute_changes l WHERE l.series_uid = $1) \
+         AND changed_ms >= $3",
+    )
+    .bind(uid.as_str())
+    .bind(now)
+    .bind(now - policy.quiet_ms)
+    .execute(&mut *connection)
+    .await?;
+    if same.rows_affected() == 0 {
+        sqlx::query("INSERT INTO attribute_changes (series_uid, instances, changed_ms) VALUES ($1, 1, $2)")
+            .bind(uid.as_str())
+            .bind(now)
+            .execute(connection)
+            .await?;
+    }
+    Ok(())
 }
 
 /// Where a series' identity stands.

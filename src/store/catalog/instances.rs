@@ -128,21 +128,7 @@ impl Catalog {
         study: Option<&StudyInstanceUid>,
     ) -> Result<()> {
         let mut tx = self.begin().await?;
-        sqlx::query(
-            "INSERT INTO refused (series_uid, sop_uid, code, times, last_ms, held, study_uid) \
-             VALUES ($1, $2, $3, 1, $4, $5, $6) \
-             ON CONFLICT (series_uid, sop_uid, code) DO UPDATE SET times = refused.times + 1, \
-             last_ms = excluded.last_ms, held = excluded.held, study_uid = excluded.study_uid",
-        )
-        .bind(series.as_str())
-        .bind(instance.as_str())
-        .bind(code)
-        .bind(now_ms())
-        .bind(code != NO_SLICE)
-        .bind(study.map(|study| study.as_str()))
-        .execute(&mut *tx)
-        .await?;
-        transfers::refresh(&mut tx, series).await?;
+        refuse(&mut tx, series, instance, code, study).await?;
         Ok(tx.commit().await?)
     }
 
@@ -154,6 +140,31 @@ impl Catalog {
             .await?;
         Ok(found.iter().map(rows::refused).collect::<Result<_, _>>()?)
     }
+}
+
+/// See [`Catalog::add_refused`].
+pub(super) async fn refuse(
+    connection: &mut Connection,
+    series: &SeriesInstanceUid,
+    instance: &SopInstanceUid,
+    code: &str,
+    study: Option<&StudyInstanceUid>,
+) -> Result<()> {
+    sqlx::query(
+        "INSERT INTO refused (series_uid, sop_uid, code, times, last_ms, held, study_uid) \
+         VALUES ($1, $2, $3, 1, $4, $5, $6) \
+         ON CONFLICT (series_uid, sop_uid, code) DO UPDATE SET times = refused.times + 1, \
+         last_ms = excluded.last_ms, held = excluded.held, study_uid = excluded.study_uid",
+    )
+    .bind(series.as_str())
+    .bind(instance.as_str())
+    .bind(code)
+    .bind(now_ms())
+    .bind(code != NO_SLICE)
+    .bind(study.map(|study| study.as_str()))
+    .execute(&mut *connection)
+    .await?;
+    transfers::refresh(connection, series).await
 }
 
 pub(super) async fn find(

@@ -6,13 +6,16 @@ use uuid::Uuid;
 use super::completion::{Completion, Policy, QUEUE_FULL_RETRY_MS, complete};
 use super::corrections::{self, Settled};
 use super::dialect::Connection;
-use super::instances::signed;
+use super::instances::{self, signed};
 use super::transfers::{self, Ended, OpenSender};
 use super::{Catalog, now_ms, rows, series};
 use crate::dicom::header::InstanceHeader;
-use crate::dicom::uid::SeriesInstanceUid;
+use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid};
 use crate::error::Result;
 use crate::store::records::{CompleteReason, SenderEnd, SeriesState};
+
+/// The code under which an instance stands that was cut on its way.
+const CUT: &str = "cut-instance";
 
 impl Catalog {
     /// A duplicate came: the sender is alive, so a series that is still receiving waits on. One
@@ -46,8 +49,15 @@ impl Catalog {
         for (uid, sender) in &gone {
             note_end(&mut tx, uid, sender, &self.process, ended, policy).await?;
         }
+        let mut series: Vec<SeriesInstanceUid> = gone.into_iter().map(|(uid, _)| uid).collect();
+        for (instance, uid) in &ended.of_series {
+            if !series.contains(uid) && instances::find(&mut tx, instance).await?.is_none() {
+                note_cut(&mut tx, uid, instance, (sender, &self.process), ended, policy).await?;
+                series.push(uid.clone());
+            }
+        }
         tx.commit().await?;
-        Ok(gone.into_iter().map(|(uid, _)| uid).collect())
+        Ok(series)
     }
 
     /// The senders of former processes ended with them: none of them well. Gives their series.
@@ -341,6 +351,25 @@ async fn note_end(
     }
     // Counted anew: the sender may try again.
     set_due(connection, uid, now_ms() + policy.quiet_ms, CompleteReason::Quiet).await
+}
+
+/// A sender that had brought nothing else of a series broke off within an instance of it. What lacks of a
+/// series that is not there yet is held against it when it comes.
+async fn note_cut(
+    connection: &mut Connection,
+    uid: &SeriesInstanceUid,
+    instance: &SopInstanceUid,
+    (sender, process): (Uuid, &str),
+    ended: &Ended,
+    policy: &Policy,
+) -> Result<()> {
+    if series::one(connection, uid).await?.is_none() {
+        return instances::refuse(connection, uid, instance, CUT, None).await;
+    }
+    // The one instance is all that is known of it: that makes it good.
+    let sender = OpenSender { id: sender, begun: ended.at, is_upload: false };
+    let ended = Ended { cut: vec![instance.clone()], of_series: Vec::new(), ..ended.clone() };
+    note_end(connection, uid, &sender, process, &ended, policy).await
 }
 
 async fn record_end(connection: &mut Connection, uid: &SeriesInstanceUid, end: SenderEnd) -> Result<()> {

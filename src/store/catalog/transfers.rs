@@ -29,6 +29,8 @@ pub(crate) struct Ended {
     pub(crate) at: i64,
     /// Instances that were under way, or were refused and did not come again.
     pub(crate) cut: Vec<SopInstanceUid>,
+    /// Those of them whose series is known.
+    pub(crate) of_series: Vec<(SopInstanceUid, SeriesInstanceUid)>,
     /// Files of it that can't be told to be an instance were damaged.
     pub(crate) has_unnamed: bool,
 }
@@ -36,7 +38,8 @@ pub(crate) struct Ended {
 impl Ended {
     /// The same of a former process, of which no more is known.
     pub(super) fn with_its_process() -> Self {
-        Self { end: SenderEnd::ServiceStopped, at: 0, cut: Vec::new(), has_unnamed: false }
+        let (cut, of_series) = (Vec::new(), Vec::new());
+        Self { end: SenderEnd::ServiceStopped, at: 0, cut, of_series, has_unnamed: false }
     }
 }
 
@@ -118,9 +121,16 @@ pub(super) async fn broke(
     refresh(connection, uid).await
 }
 
-/// The sender ended well: it makes good each break that was before its begin, if what was cut then
-/// is stored by now, if an announced number is reached, and if it brought anything new, or again all
-/// that is stored; after a request that broke off, also all that this one had brought.
+/// The sender ended well: it makes good each break that was before its begin, if an announced number is
+/// reached, if what was cut then is stored by now, and if it can have brought all that lacked:
+///
+/// - it brought again all that is stored;
+/// - or something new, and again all that the broken sender had brought;
+/// - or something new, after an association that broke off within an instance: that one is stored, and what it meant
+///   to send is gone on with.
+///
+/// What an association meant to send that broke off between two instances nobody knows: one more
+/// instance is no end of it.
 pub(super) async fn mended(
     connection: &mut Connection,
     uid: &SeriesInstanceUid,
@@ -134,12 +144,17 @@ pub(super) async fn mended(
             "DELETE FROM broken_transfers WHERE series_uid = $1 AND (process <> $2 OR broken < $3) \
              AND NOT EXISTS (SELECT 1 FROM cut_instances c WHERE c.sender = broken_transfers.sender \
                  AND c.series_uid = $1 AND NOT EXISTS (SELECT 1 FROM instances i WHERE i.sop_uid = c.sop_uid)) \
-             AND (EXISTS (SELECT 1 FROM sent_instances n WHERE n.sender = $4 AND n.series_uid = $1 AND n.is_new) \
-                 OR NOT EXISTS (SELECT 1 FROM instances i WHERE i.series_uid = $1 AND NOT EXISTS ( \
-                     SELECT 1 FROM sent_instances m WHERE m.sender = $4 AND m.sop_uid = i.sop_uid))) \
-             AND (NOT must_repeat OR NOT EXISTS (SELECT 1 FROM sent_instances b \
-                 WHERE b.sender = broken_transfers.sender AND b.series_uid = $1 AND NOT EXISTS ( \
-                     SELECT 1 FROM sent_instances m WHERE m.sender = $4 AND m.sop_uid = b.sop_uid))) \
+             AND (NOT EXISTS (SELECT 1 FROM instances i WHERE i.series_uid = $1 AND NOT EXISTS ( \
+                     SELECT 1 FROM sent_instances m WHERE m.sender = $4 AND m.sop_uid = i.sop_uid)) \
+                 OR (EXISTS (SELECT 1 FROM sent_instances n WHERE n.sender = $4 AND n.series_uid = $1 AND n.is_new) \
+                     AND ((NOT must_repeat AND EXISTS (SELECT 1 FROM cut_instances d \
+                             WHERE d.sender = broken_transfers.sender AND d.series_uid = $1)) \
+                         OR (EXISTS (SELECT 1 FROM sent_instances a \
+                                 WHERE a.sender = broken_transfers.sender AND a.series_uid = $1) \
+                             AND NOT EXISTS (SELECT 1 FROM sent_instances b \
+                                 WHERE b.sender = broken_transfers.sender AND b.series_uid = $1 AND NOT EXISTS ( \
+                                     SELECT 1 FROM sent_instances m WHERE m.sender = $4 \
+                                     AND m.sop_uid = b.sop_uid)))))) \
              RETURNING sender",
         )
         .bind(uid.as_str())

@@ -26,6 +26,10 @@ pub(crate) struct Slice {
     pub(crate) value: i16,
     pub(crate) edge: u16,
     pub(crate) patient_id: &'static str,
+    /// Patient Comments, if there are any.
+    pub(crate) comments: &'static str,
+    /// Samples per pixel; 3 are in colour.
+    pub(crate) samples: u16,
 }
 
 impl Default for Slice {
@@ -40,6 +44,8 @@ impl Default for Slice {
             value: 40,
             edge: 8,
             patient_id: "PATIENT-4711",
+            comments: "",
+            samples: 1,
         }
     }
 }
@@ -68,14 +74,17 @@ impl Slice {
         set.text(0x0008_0060, b"CS", self.modality);
         set.text(0x0010_0010, b"PN", "Sauerbruch^Ferdinand");
         set.text(0x0010_0020, b"LO", self.patient_id);
+        if !self.comments.is_empty() {
+            set.text(0x0010_4000, b"LT", self.comments);
+        }
         set.text(0x0020_000D, b"UI", &format!("{ROOT}.{}", self.study));
         set.text(0x0020_000E, b"UI", self.series_uid().as_str());
         set.text(0x0020_0013, b"IS", &self.number.to_string());
         set.text(0x0020_0032, b"DS", &format!(r"0\0\{}", self.number * 2));
         set.text(0x0020_0037, b"DS", r"1\0\0\0\1\0");
         set.text(0x0020_0052, b"UI", &format!("{ROOT}.{}.0", self.study));
-        set.short(0x0028_0002, 1);
-        set.text(0x0028_0004, b"CS", "MONOCHROME2");
+        set.short(0x0028_0002, self.samples);
+        set.text(0x0028_0004, b"CS", if self.samples == 1 { "MONOCHROME2" } else { "RGB" });
         set.short(0x0028_0010, self.edge);
         set.short(0x0028_0011, self.edge);
         set.text(0x0028_0030, b"DS", r"1\1");
@@ -85,7 +94,8 @@ impl Slice {
         set.short(0x0028_0103, 1);
         set.text(0x0028_1052, b"DS", "0");
         set.text(0x0028_1053, b"DS", "1");
-        let pixels = self.value.to_le_bytes().repeat(usize::from(self.edge) * usize::from(self.edge));
+        let values = usize::from(self.edge) * usize::from(self.edge) * usize::from(self.samples);
+        let pixels = self.value.to_le_bytes().repeat(values);
         set.element(0x7FE0_0010, b"OW", &pixels);
         set.bytes
     }

@@ -11,6 +11,7 @@
 //! | row boundaries across which much changes | [`jumps`] | all that begins or ends with a row |
 //! | patches of values that the neighbours have nowhere near | [`patches`] | noise, broken code blocks |
 //! | level of air and of soft tissue in a band of rows | [`levels`] | offsets |
+//! | levels that change from a slice to the next and stay there | [`steps`] | a wrong rescale in half of the slices |
 //! | rows of one value at the ends, pixels there twice | [`constant`] | cut off, filled up, sent twice |
 //!
 //! Two or three damaged slices side by side are compared with those around them. The voxels are only
@@ -23,6 +24,7 @@ mod limit;
 mod patches;
 mod place;
 mod stack;
+mod steps;
 mod tell;
 #[cfg(test)]
 mod tests;
@@ -36,6 +38,7 @@ use crate::pipeline::Observer;
 
 use patches::Patch;
 pub(super) use stack::Stack;
+pub(super) use steps::Reading;
 pub(super) use tell::tell;
 
 /// Fewer slices tell too little of what is usual among them.
@@ -79,6 +82,8 @@ pub(super) enum Kind {
     Repeated,
     /// A block of the compressed frame does not end with its data.
     Stream,
+    /// Air or tissue at another level than in the other slices, from a slice to the next and on.
+    Step,
 }
 
 /// One slice and what was found in it.
@@ -90,7 +95,7 @@ pub(super) struct Finding {
     /// Rows of the image that it was found in, counted from 0.
     pub(super) rows: Range<usize>,
     /// Share of the ordinary change (`Place`, `Order`), columns (`Jump`), pixels (`Patch`), HU (`Air`,
-    /// `Tissue`), rows (`Constant`), pixels (`Repeated`), bytes (`Stream`).
+    /// `Tissue`, `Step`), rows (`Constant`), pixels (`Repeated`), bytes (`Stream`).
     pub(super) measured: f64,
     /// The most that the series itself allows, in the same unit.
     pub(super) limit: f64,
@@ -114,6 +119,7 @@ pub(super) fn findings(
     observer: &dyn Observer,
 ) -> Vec<Finding> {
     let mut found = between_neighbours(stack, observer);
+    found.extend(steps::find(stack, observer));
     found.extend(off_their_ends.iter().filter(|(_, bytes)| *bytes > MOST_OFF).map(|&(slice, bytes)| {
         Finding {
             slice,

@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+use super::Reading;
+
 /// Pixels along the side of the squares in which a slice is turned over: two of them lie in the
 /// processor's nearest cache.
 const TILE: usize = 32;
@@ -10,6 +12,8 @@ const TILE: usize = 32;
 /// Slices in Hounsfield units, one after another, in the order of their places.
 pub(in crate::dicom::series) struct Stack<'a> {
     pub(in crate::dicom::series) voxels: &'a [i16],
+    /// How each of them was read; none where nothing is known.
+    pub(in crate::dicom::series) readings: &'a [Reading],
     pub(in crate::dicom::series) count: usize,
     /// Of the image, as [`columns`](Self::columns).
     pub(in crate::dicom::series) rows: usize,
@@ -51,7 +55,13 @@ impl Stack<'_> {
     pub(super) fn part(&self, slices: Range<usize>) -> Self {
         let size = self.rows * self.columns;
         let voxels = &self.voxels[slices.start * size..slices.end * size];
-        Self { voxels, count: slices.len(), ..*self }
+        let readings = self.readings.get(slices.clone()).unwrap_or_default();
+        Self { voxels, readings, count: slices.len(), ..*self }
+    }
+
+    /// How a slice was read, where that is known.
+    pub(super) fn reading(&self, z: usize) -> Option<&Reading> {
+        self.readings.get(z)
     }
 
     pub(super) fn pixels(&self) -> f64 {

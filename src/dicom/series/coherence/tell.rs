@@ -1,5 +1,6 @@
 //! Findings in words: an error, or a warning that names instances, rows and figures.
 
+use super::super::check::rescale_of;
 use super::super::slice::Slice;
 use super::super::warning::{DoubtfulRows, RowsDoubt};
 use super::super::{SeriesError, Warning, WarningCode};
@@ -28,10 +29,14 @@ pub(in crate::dicom::series) fn tell(
         let mut instances: Vec<_> = severe.iter().map(|&z| slices[z].sop_instance_uid.clone()).collect();
         instances.sort();
         instances.dedup();
-        let detail = format!(
-            "{}: their data is damaged, or of another place; send these instances again",
-            words(findings, &severe, slices)
-        );
+        let all_steps = findings.iter().filter(|f| f.severe).all(|f| f.kind == Kind::Step);
+        let what = if all_steps {
+            "their RescaleSlope (0028,1053), RescaleIntercept (0028,1052) or bits are not those of their values; have \
+             them corrected, and send these instances again"
+        } else {
+            "their data is damaged, or of another place; send these instances again"
+        };
+        let detail = format!("{}: {what}", words(findings, &severe, slices));
         return Err(SeriesError::new(WarningCode::InconsistentLevels.name(), detail, instances));
     }
     let detail = format!(
@@ -60,6 +65,7 @@ fn rows(finding: &Finding, slices: &[Slice]) -> DoubtfulRows {
             Kind::Constant => RowsDoubt::Constant,
             Kind::Repeated => RowsDoubt::Repeated,
             Kind::Stream => RowsDoubt::Stream,
+            Kind::Step => RowsDoubt::Step,
         },
         measured: finding.measured,
         limit: finding.limit,
@@ -108,6 +114,14 @@ fn described(finding: &Finding, slices: &[Slice]) -> String {
         }
         Kind::Air => format!("air is {measured:.0} HU off the neighbours', limit {limit:.0}"),
         Kind::Tissue => format!("soft tissue is {measured:.0} HU off the neighbours', limit {limit:.0}"),
+        Kind::Step => {
+            let rescale = rescale_of(slice);
+            format!(
+                "with slope {} and intercept {} its levels are {measured:.0} HU off those of the other slices, limit \
+                 {limit:.0}",
+                rescale.slope, rescale.intercept
+            )
+        }
         Kind::Constant => {
             format!("{measured:.0} rows more than in the neighbours have one value, limit {limit:.0}")
         }

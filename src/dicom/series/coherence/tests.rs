@@ -43,6 +43,7 @@ fn stack(voxels: &[i16], count: usize, slice_mm: f64) -> Stack<'_> {
     let step_px = [slice_mm / 2.0; 2];
     Stack {
         voxels,
+        readings: &[],
         count,
         rows: SIDE,
         columns: SIDE,
