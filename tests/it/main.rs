@@ -46,6 +46,7 @@ mod http_crowd;
 mod http_damaged;
 mod http_description;
 mod http_events;
+mod http_former_decoder;
 mod http_identity;
 mod http_limits;
 mod http_results;

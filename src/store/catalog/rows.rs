@@ -134,10 +134,15 @@ fn series_record(row: &Row) -> Result<SeriesRecord> {
         doubts: [
             (TransferDoubt::IncompleteTransfer, flag(row, "incomplete_transfer")?),
             (TransferDoubt::InstancesRefused, number::<u32>(row, "held_refusals")? > 0),
+            (TransferDoubt::FormerDecoder, is_of_former_decoder(row, "served_algorithm")?),
         ]
         .into_iter()
         .filter_map(|(doubt, held)| held.then_some(doubt))
         .collect(),
+        instances_sha256: match row.try_get::<Option<&[u8]>, _>("instances_sha256")? {
+            Some(_) => Some(sha256(row, "instances_sha256")?),
+            None => None,
+        },
         expected_instances: maybe_number(row, "expected_instances")?,
         instances: number(row, "instances")?,
         bytes: number(row, "bytes")?,
@@ -234,7 +239,14 @@ fn transfer_doubts(row: &Row) -> Result<Vec<TransferDoubt>> {
     let names = text.split(',').filter(|name| !name.is_empty());
     let doubt =
         |name| TransferDoubt::from_name(name).ok_or_else(|| decode_error("transfer_doubts", "unknown name"));
-    names.map(doubt).collect()
+    let mut doubts: Vec<_> = names.map(doubt).collect::<Result<_>>()?;
+    doubts.extend(is_of_former_decoder(row, "algorithm")?.then_some(TransferDoubt::FormerDecoder));
+    Ok(doubts)
+}
+
+/// Whether the algorithm in that column is of version 0; see `identity.rs`.
+fn is_of_former_decoder(row: &Row, column: &str) -> Result<bool> {
+    Ok(row.try_get::<Option<&str>, _>(column)?.is_some_and(|algorithm| algorithm.ends_with("/0")))
 }
 
 pub(super) fn clinical_choice(row: &Row) -> Result<ClinicalChoice> {
