@@ -54,6 +54,9 @@ fn print(rebuilt: &Rebuilt) {
     for path in &blobs.from_reports {
         println!("entered as far as its report tells: {path}");
     }
+    for damaged in &blobs.damaged_results {
+        println!("damaged, ask for this reconstruction again: {damaged}");
+    }
     for path in &blobs.unread_choices {
         println!("an operator's choice can't be read, look which cloud is the clinical one: {path}");
     }

@@ -73,4 +73,5 @@ mod store_identity;
 mod store_queue;
 mod store_rebuild;
 mod store_rights;
+mod store_seals;
 mod support;

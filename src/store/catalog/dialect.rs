@@ -37,6 +37,7 @@ pub(super) const MIGRATIONS: &[(i64, &str)] = &[
     (4, include_str!("schema/sqlite/0004_identity.sql")),
     (5, include_str!("schema/sqlite/0005_results.sql")),
     (6, include_str!("schema/sqlite/0006_transfers.sql")),
+    (7, include_str!("schema/sqlite/0007_seals.sql")),
 ];
 
 /// Readers don't wait for the writer (write-ahead log).

@@ -42,6 +42,7 @@ pub(crate) use leases::Ended;
 pub(crate) use reader::{CatalogReader, InstanceRow, ResultRow};
 pub(crate) use recovery::Found;
 pub(crate) use removed::Removed;
+pub(crate) use rows::ResultFiles;
 pub(crate) use schema::SchemaError;
 pub(crate) use transfers::{Ended as SenderEnded, OpenSender};
 

@@ -13,6 +13,7 @@ use crate::dicom::identity::Identity;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Error;
 use crate::pipeline::Stage;
+use crate::store::hashed::Seal;
 use crate::store::records::{
     BrokenTransfer, ClinicalChoice, CompleteReason, InstanceRecord, ReconstructionRecord,
     ReconstructionState, Refused, SenderEnd, SeriesRecord, SeriesState, TransferDoubt, UnfitReason,
@@ -256,6 +257,34 @@ pub(super) fn clinical_choice(row: &Row) -> Result<ClinicalChoice> {
         chosen_by: row.try_get("chosen_by")?,
         chosen_ms: row.try_get("chosen_ms")?,
     })
+}
+
+/// Where the files of a result lie, and what they must be.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct ResultFiles {
+    /// Prefix of their keys.
+    pub(crate) prefix: String,
+    /// `None`: of release 0.1.
+    pub(crate) seal: Option<Seal>,
+}
+
+/// `None` without a result.
+///
+/// # Errors
+/// [`Error::Unreadable`].
+pub(super) fn result_files(row: &Row) -> Result<Option<ResultFiles>, Error> {
+    let read = || {
+        let Some(prefix) = row.try_get::<Option<String>, _>("result")? else { return Ok(None) };
+        let seal = seal(row.try_get("result_files")?)?;
+        Ok(Some(ResultFiles { prefix, seal }))
+    };
+    readable(read(), "reconstruction", row, "id")
+}
+
+/// The column `result_files`.
+pub(super) fn seal(json: Option<&str>) -> Result<Option<Seal>> {
+    let read = |json| Seal::from_json(json).ok_or_else(|| decode_error("result_files", "no names and hashes"));
+    json.map(read).transpose()
 }
 
 /// # Errors

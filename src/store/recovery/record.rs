@@ -5,6 +5,7 @@ use uuid::Uuid;
 
 use crate::error::{Error, Result};
 use crate::store::catalog::Columns;
+use crate::store::hashed::Seal;
 
 /// Name of the record's blob within a result.
 pub(in crate::store) const RECORD: &str = "record.json";
@@ -85,5 +86,16 @@ impl ResultRecord {
     /// `None` if the bytes are no record that this version reads.
     pub(crate) fn from_json(json: &[u8]) -> Option<Self> {
         serde_json::from_slice(json).ok().filter(|record: &Self| record.format <= FORMAT)
+    }
+
+    /// What the files of the result must be; `None`: a result of release 0.1, or no names and hashes.
+    pub(in crate::store) fn seal(&self) -> Option<Seal> {
+        self.reconstruction.get("result_files")?.as_str().and_then(Seal::from_json)
+    }
+
+    /// Whether it is that of the result at `prefix`: `results/<id>/<fence>`.
+    pub(in crate::store) fn is_of(&self, prefix: &str) -> bool {
+        let id = self.reconstruction.get("id").and_then(|id| id.as_str());
+        id.is_some() && prefix.split('/').nth(1) == id
     }
 }
