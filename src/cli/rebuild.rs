@@ -51,6 +51,12 @@ fn print(rebuilt: &Rebuilt) {
     if let Some(former) = &rebuilt.former_catalog {
         println!("The former catalog is now set-aside/{former}.");
     }
+    if blobs.unsealed_instances > 0 {
+        println!(
+            "{} of the instances were stored by release 0.1, whose files do not tell whether they are what was received.",
+            blobs.unsealed_instances
+        );
+    }
     for path in &blobs.from_reports {
         println!("entered as far as its report tells: {path}");
     }

@@ -92,7 +92,8 @@ pub(super) struct ClinicalView {
     /// Whether an operator chose it; else it is the one that the service queued itself.
     pub chosen: bool,
     /// How far a newer revision is, where there is or will be one: `receiving`, `queued`, `running`,
-    /// `failed`, `cancelled`, `not_reconstructable`, `removed`.
+    /// `failed`, `cancelled`, `not_reconstructable`, `removed`; `succeeded` or `superseded` where an
+    /// operator chose one of an earlier revision all the same.
     pub newer_revision: Option<String>,
     /// What operators chose, oldest first.
     pub choices: Vec<ClinicalChoiceView>,

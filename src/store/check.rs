@@ -78,6 +78,10 @@ impl super::Store {
         if fs::metadata(root.join(CATALOG)).map_or(0, |metadata| metadata.len()) == 0 {
             return Err(OpenError::CatalogLost(root));
         }
+        // A service writes the log that it has.
+        if !in_use && CatalogReader::has_foreign_log(&root.join(CATALOG)).await.unwrap_or(false) {
+            return Err(OpenError::ForeignLog(root));
+        }
         let reader = CatalogReader::open(&root.join(CATALOG)).await;
         let reader = reader.map_err(|error| unusable(error.into()))?;
         if let Ok((found, known)) = reader.schema().await

@@ -165,9 +165,8 @@ impl Store {
         let (blobs, written, record) =
             (Arc::clone(&self.0.blobs), keys.clone(), ChoiceRecord::new(choice).to_json()?);
         // Beside the results first: a catalog that is made again knows of the choice.
-        let put = move || {
-            Ok(written.iter().try_for_each(|key| hashed::put(&*blobs, key, &record).map(drop))?)
-        };
+        let put =
+            move || Ok(written.iter().try_for_each(|key| hashed::put(&*blobs, key, &record).map(drop))?);
         let chosen = match blocking(put).await {
             Ok(()) => tx.commit().await.map_err(Error::from),
             Err(error) => Err(error),
@@ -265,8 +264,7 @@ impl Store {
         let removed = || Error::NotFound { what: "reconstruction", id: id.to_string() };
         let result = self.0.catalog.result_of(id).await?.ok_or_else(removed)?;
         let (blobs, of, file) = (Arc::clone(&self.0.blobs), result.clone(), name.to_owned());
-        let opened =
-            blocking(move || Ok(hashed::open(&*blobs, &of.prefix, &file, of.seal.as_ref()))).await?;
+        let opened = blocking(move || Ok(hashed::open(&*blobs, &of.prefix, &file, of.seal.as_ref()))).await?;
         let error = match opened {
             Ok(file) => return Ok(file),
             Err(error) => error,

@@ -4,9 +4,9 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::reading::{PICTURES, REPORT, cloud_name};
 use super::catalog::ResultFiles;
 use super::hashed::Seal;
+use super::reading::{PICTURES, REPORT, cloud_name};
 use super::recovery::RECORD;
 use super::stored::{figure_json, quality_json};
 use super::{

@@ -70,6 +70,7 @@ mod store_data_dir;
 mod store_data_dir_of_0_1;
 mod store_faults;
 mod store_identity;
+mod store_log;
 mod store_queue;
 mod store_rebuild;
 mod store_rights;

@@ -81,7 +81,11 @@ const AT_WORK_S: u32 = 5;
 const ENDED_S: u32 = 60;
 
 /// What a client can do about a cloud that was made with a decoder at fault, `served` of the latest revision.
-async fn made_again(context: &Context, series: &SeriesRecord, served: &ReconstructionRecord) -> Result<Error> {
+async fn made_again(
+    context: &Context,
+    series: &SeriesRecord,
+    served: &ReconstructionRecord,
+) -> Result<Error> {
     let again = context.store.clinical_at(&series.series_instance_uid, series.revision).await?;
     let state = again.filter(|again| again.id != served.id).map_or(served.state, |again| again.state);
     let (detail, retry_after_s) = if state.is_final() {
@@ -92,7 +96,10 @@ async fn made_again(context: &Context, series: &SeriesRecord, served: &Reconstru
             ENDED_S,
         )
     } else {
-        ("it is made again, as the decoder of release 0.1 could read JPEG Lossless wrongly; ask again", AT_WORK_S)
+        (
+            "it is made again, as the decoder of release 0.1 could read JPEG Lossless wrongly; ask again",
+            AT_WORK_S,
+        )
     };
     Ok(Error::NotCurrent { revision: series.revision, state: state.name(), detail, retry_after_s })
 }

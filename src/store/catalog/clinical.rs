@@ -36,13 +36,10 @@ pub(crate) struct Chosen {
 impl Catalog {
     /// The one that is served; see `Store::clinical`.
     pub(crate) async fn clinical(&self, uid: &SeriesInstanceUid) -> Result<Option<Clinical>> {
-        let row = sqlx::query(concat!(
-            "SELECT * FROM reconstructions WHERE series_uid = $1 AND ",
-            served!()
-        ))
-        .bind(uid.as_str())
-        .fetch_optional(&self.readers)
-        .await?;
+        let row = sqlx::query(concat!("SELECT * FROM reconstructions WHERE series_uid = $1 AND ", served!()))
+            .bind(uid.as_str())
+            .fetch_optional(&self.readers)
+            .await?;
         let Some(row) = row else { return Ok(None) };
         let queued_for: Option<i64> = row.try_get("queued_for")?;
         let chosen_for: Option<i64> = row.try_get("chosen_for")?;

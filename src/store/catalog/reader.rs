@@ -43,6 +43,11 @@ impl CatalogReader {
         Ok(Self(dialect::open_to_read(file).await?))
     }
 
+    /// Whether a log lies beside the file that is another file's.
+    pub(crate) async fn has_foreign_log(file: &Path) -> Result<bool> {
+        Ok(super::generation::has_foreign_log(file).await?)
+    }
+
     /// What the database finds wrong with itself.
     pub(crate) async fn integrity(&self) -> Result<Vec<String>> {
         let lines: Vec<String> = sqlx::query_scalar("PRAGMA integrity_check").fetch_all(&self.0).await?;

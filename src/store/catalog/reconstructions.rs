@@ -3,8 +3,8 @@
 use sqlx::Row as _;
 
 use super::dialect::{Connection, Row};
-use super::series::invalid_cursor;
 use super::rows::ResultFiles;
+use super::series::invalid_cursor;
 use super::{Catalog, Removed, rows};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;

@@ -283,7 +283,8 @@ pub(super) fn result_files(row: &Row) -> Result<Option<ResultFiles>, Error> {
 
 /// The column `result_files`.
 pub(super) fn seal(json: Option<&str>) -> Result<Option<Seal>> {
-    let read = |json| Seal::from_json(json).ok_or_else(|| decode_error("result_files", "no names and hashes"));
+    let read =
+        |json| Seal::from_json(json).ok_or_else(|| decode_error("result_files", "no names and hashes"));
     json.map(read).transpose()
 }
 

@@ -2,8 +2,8 @@
 
 use sqlx::Row as _;
 
-use super::dialect::{Connection, Row};
 use super::clinical::served;
+use super::dialect::{Connection, Row};
 use super::{Catalog, rows};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};

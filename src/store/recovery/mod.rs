@@ -7,6 +7,7 @@
 //! | an instance that is not stored | entered: it is what was sent, and its sender may count on it |
 //! | an instance whose row names a blob that is gone, with the same data set | the row names it |
 //! | a result whose reconstruction is unknown | entered from its record, or, of 0.1, as far as its report tells |
+//! | an instance whose file is not as its header says that it was received | set aside |
 //! | anything else | set aside under `set-aside/`, for so many days and bytes |
 //!
 //! An instance that was never acknowledged because of a crash does no harm when it is entered: its
@@ -25,9 +26,9 @@ use serde::Serialize;
 use super::blobs::{Aside, Blobs};
 use super::blocking;
 use super::catalog::{Catalog, Columns, Found, NewInstance};
-use super::reading::REPORT;
 use super::hashed::{self, Damage, HashedFile, Seal};
-use super::verify::{fingerprint, image_sha256};
+use super::reading::REPORT;
+use super::verify::{fingerprint, image_sha256, is_as_sealed};
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::scan::{self, Encoding, Limits};
 use crate::error::{Error, Result};
@@ -50,6 +51,8 @@ pub struct SetAside {
 pub struct Recovered {
     /// Instances that have a row again.
     pub instances: u64,
+    /// How many of them release 0.1 stored: whether their files are what was received is not known.
+    pub unsealed_instances: u64,
     /// Instances whose row named a blob that was gone.
     pub repaired: u64,
     /// Results that have their row again.
@@ -118,14 +121,19 @@ impl Recovery<'_> {
                 Ok((key, instance))
             };
             match blocking(read).await? {
-                (_, Some(instance)) => found.push(instance),
-                (key, None) => self.set_aside(key, "no instance that can be read", recovered).await?,
+                (_, Ok(instance)) => found.push(instance),
+                (key, Err(reason)) => self.set_aside(key, reason, recovered).await?,
             }
         }
-        found.sort_by(|(a, former), (b, latter)| latter.cmp(former).then_with(|| a.blob.cmp(&b.blob)));
-        for (instance, modified_ms) in found {
+        found.sort_by(|a, b| {
+            b.modified_ms.cmp(&a.modified_ms).then_with(|| a.instance.blob.cmp(&b.instance.blob))
+        });
+        for Examined { instance, modified_ms, is_sealed } in found {
             match self.catalog.enter_found(&instance, modified_ms, |blob| all.contains(blob)).await? {
-                Found::Entered => recovered.instances += 1,
+                Found::Entered => {
+                    recovered.instances += 1;
+                    recovered.unsealed_instances += u64::from(!is_sealed);
+                }
                 Found::Repaired => recovered.repaired += 1,
                 Found::Refused(reason) => self.set_aside(instance.blob, reason, recovered).await?,
             }
@@ -267,13 +275,28 @@ impl Recovery<'_> {
     }
 }
 
-/// What the blob of an instance is, and when it was written; `None` if it is no instance.
-fn examine(blobs: &dyn Blobs, key: &str) -> io::Result<Option<(NewInstance, i64)>> {
+/// The blob of an instance.
+struct Examined {
+    instance: NewInstance,
+    /// When it was written, Unix ms.
+    modified_ms: i64,
+    /// Whether it tells that it is what was received; release 0.1 wrote nothing that would.
+    is_sealed: bool,
+}
+
+/// What the blob of an instance is; or why it is none that can be entered.
+fn examine(blobs: &dyn Blobs, key: &str) -> io::Result<Result<Examined, &'static str>> {
+    const UNREADABLE: &str = "no instance that can be read";
+    const CHANGED: &str = "its bytes are not what was received (SHA-256): send this instance again";
     let bytes = blobs.read(key)?;
+    let Some(data_set_sha256) = fingerprint(&bytes) else { return Ok(Err(UNREADABLE)) };
+    let sealed = is_as_sealed(&bytes, data_set_sha256);
+    if sealed == Some(false) {
+        return Ok(Err(CHANGED));
+    }
     let scanned = scan::scan(std::io::Cursor::new(&bytes), &Encoding::Part10, &Limits::default());
-    let Ok(scan) = scanned else { return Ok(None) };
+    let Ok(scan) = scanned else { return Ok(Err(UNREADABLE)) };
     let header: InstanceHeader = scan.header;
-    let Some(data_set_sha256) = fingerprint(&bytes) else { return Ok(None) };
     let instance = NewInstance {
         header,
         blob: key.to_owned(),
@@ -281,5 +304,5 @@ fn examine(blobs: &dyn Blobs, key: &str) -> io::Result<Option<(NewInstance, i64)
         data_set_sha256,
         image_sha256: image_sha256(&bytes),
     };
-    Ok(Some((instance, blobs.modified_ms(key)?)))
+    Ok(Ok(Examined { instance, modified_ms: blobs.modified_ms(key)?, is_sealed: sealed.is_some() }))
 }

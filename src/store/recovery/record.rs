@@ -32,6 +32,9 @@ pub(crate) struct ResultRecord {
     /// What operators had chosen to be the series' clinical one, oldest first.
     #[serde(default)]
     pub(crate) choices: Vec<Columns>,
+    /// The instances of the series that had been refused.
+    #[serde(default)]
+    pub(crate) refused: Vec<Columns>,
 }
 
 /// An operator's choice, beside the results that it makes clinical or takes that from.
@@ -70,13 +73,27 @@ impl ChoiceRecord {
 
 impl ResultRecord {
     /// With what else is known of the series.
-    pub(crate) fn with(self, expected_instances: Option<i64>, choices: Vec<Columns>) -> Self {
-        Self { expected_instances, choices, ..self }
+    pub(crate) fn with(
+        self,
+        expected_instances: Option<i64>,
+        choices: Vec<Columns>,
+        refused: Vec<Columns>,
+    ) -> Self {
+        Self { expected_instances, choices, refused, ..self }
     }
 
     pub(crate) fn new(schema: i64, reconstruction: Columns, series: Columns, instances: Vec<String>) -> Self {
-        let (expected_instances, choices) = (None, Vec::new());
-        Self { format: FORMAT, schema, reconstruction, series, instances, expected_instances, choices }
+        let (expected_instances, choices, refused) = (None, Vec::new(), Vec::new());
+        Self {
+            format: FORMAT,
+            schema,
+            reconstruction,
+            series,
+            instances,
+            expected_instances,
+            choices,
+            refused,
+        }
     }
 
     pub(crate) fn to_json(&self) -> Result<Vec<u8>> {
