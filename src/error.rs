@@ -97,6 +97,12 @@ pub enum Error {
          storage.data_dir (/readyz and the log tell where)"
     )]
     NotPermitted,
+    /// The catalog is found damaged: nothing is taken that could be lost with it. A700, 503.
+    #[error(
+        "the catalog is damaged, and nothing is stored before it is mended; the operator must stop the service \
+         (`triplanar check` says more), bring the catalog back from a backup or make a new one with `triplanar rebuild`"
+    )]
+    CatalogDamaged,
     /// Stored bytes are missing or are not what was received. 0110, 500.
     #[error("{0}")]
     StoredDamaged(String),
@@ -306,6 +312,7 @@ impl Error {
                 | Self::OutOfDescriptors
                 | Self::OutOfMemory
                 | Self::NotPermitted
+                | Self::CatalogDamaged
                 | Self::Busy(_)
         )
     }
@@ -335,6 +342,7 @@ impl Error {
             Self::OutOfDescriptors => ("out-of-descriptors", "Out of file descriptors", 0xA700, 503),
             Self::OutOfMemory => ("out-of-memory", "Out of memory", 0xA700, 503),
             Self::NotPermitted => ("not-permitted", "No rights to the data directory", 0xA700, 503),
+            Self::CatalogDamaged => ("catalog-damaged", "Catalog damaged", 0xA700, 503),
             Self::Busy(_) => ("busy", "Busy", 0xA700, 503),
             Self::ShuttingDown => ("shutting-down", "Shutting down", 0xA700, 503),
             Self::MalformedUpload(_) => ("malformed-upload", "Malformed upload", 0xC000, 400),
@@ -424,6 +432,11 @@ impl From<sqlx::Error> for Error {
             Some(13 | 4874) => Self::OutOfStorage,
             // SQLITE_NOMEM, SQLITE_IOERR_NOMEM.
             Some(7 | 3082) => Self::OutOfMemory,
+            // SQLITE_CORRUPT, SQLITE_NOTADB, and those that are kinds of them.
+            Some(code) if matches!(code & 0xFF, 11 | 26) => {
+                tracing::error!(%error, "the catalog is damaged");
+                Self::CatalogDamaged
+            }
             _ => Self::internal(error),
         }
     }

@@ -172,7 +172,7 @@ async fn listen(setting: &'static str, address: SocketAddr) -> Result<(TcpListen
     Ok((listener, bound))
 }
 
-/// Removes what is older than its retention, until `stop`.
+/// Looks after the catalog, and removes what is older than its retention, until `stop`.
 async fn sweep(store: Store, stop: CancellationToken) {
     let mut rounds = interval(SWEEP_INTERVAL);
     rounds.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -180,6 +180,11 @@ async fn sweep(store: Store, stop: CancellationToken) {
         tokio::select! {
             () = stop.cancelled() => return,
             _ = rounds.tick() => {}
+        }
+        // Also where nobody asks for readiness a damaged catalog takes no instance for long.
+        store.ready().await;
+        if store.check_catalog().is_err() {
+            continue;
         }
         match store.sweep(jiff::Timestamp::now().as_millisecond()).await {
             Ok(swept) if swept != Swept::default() => tracing::info!(

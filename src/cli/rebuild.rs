@@ -46,8 +46,17 @@ fn print(rebuilt: &Rebuilt) {
     if let Some(former) = &rebuilt.former_catalog {
         println!("The former catalog is now set-aside/{former}.");
     }
+    if blobs.unsealed_instances > 0 {
+        println!(
+            "{} of the instances were stored by release 0.1, whose files do not tell whether they are what was received.",
+            blobs.unsealed_instances
+        );
+    }
     for path in &blobs.from_reports {
         println!("entered as far as its report tells: {path}");
+    }
+    for damaged in &blobs.damaged_results {
+        println!("damaged, ask for this reconstruction again: {damaged}");
     }
     for path in &blobs.unread_choices {
         println!("an operator's choice can't be read, look which cloud is the clinical one: {path}");

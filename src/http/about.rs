@@ -35,8 +35,9 @@ pub(super) const DESCRIBED: [(&str, &str); 8] = [
     ),
     (
         "Triplanar-Doubts",
-        "The reasons of the verdict and the doubts of the transfer of its revision (`incomplete_transfer`, \
-         `instances_refused`), joined by commas; `none` if there are none.",
+        "The reasons of the verdict, the doubts of the transfer of its revision (`incomplete_transfer`, \
+         `instances_refused`) and `former_decoder` (release 0.1 made it with a decoder that could read JPEG \
+         Lossless wrongly), joined by commas; `none` if there are none.",
     ),
     (
         "Triplanar-Newer-Revision",
@@ -60,17 +61,18 @@ pub(super) struct Newer {
 }
 
 impl Newer {
-    /// What is newer than `revision` of that series.
+    /// What is newer of that series than `record`, one of its reconstructions; `None` has nothing newer
+    /// only before the first revision.
     pub(super) async fn than(
         context: &Context,
         series: &SeriesRecord,
-        revision: u32,
+        record: Option<&ReconstructionRecord>,
     ) -> Result<Option<Self>> {
         if series.state == SeriesState::Receiving {
             let next = series.revision + 1;
             return Ok(Some(Self { revision: next, state: series.state.name(), reconstruction: None }));
         }
-        if series.revision <= revision {
+        if record.map_or(series.revision == 0, |record| record.is_of_latest(series)) {
             return Ok(None);
         }
         let latest = context.store.clinical_at(&series.series_instance_uid, series.revision).await?;
@@ -105,7 +107,7 @@ impl About {
         let quality = record.quality.as_ref();
         set(VERDICT, &quality.map_or_else(|| "none".to_owned(), |quality| name_of(&quality.verdict)))?;
         set(DOUBTS, &doubts(record))?;
-        if let Some(newer) = Newer::than(context, &series, record.revision).await? {
+        if let Some(newer) = Newer::than(context, &series, Some(record)).await? {
             let Newer { revision, state, reconstruction } = newer;
             let id = reconstruction.map_or_else(String::new, |id| format!("; reconstruction={id}"));
             set(NEWER_REVISION, &format!("{revision}; state={state}{id}"))?;
@@ -123,7 +125,7 @@ impl About {
     }
 }
 
-/// Those of the result, and those of the transfer of its revision.
+/// Those of the result, and those of the transfer of its revision and of its decoder.
 fn doubts(record: &ReconstructionRecord) -> String {
     let of_result = record.quality.iter().flat_map(|quality| quality.doubts.iter().map(name_of));
     let of_transfer = record.transfer_doubts.iter().map(|doubt| doubt.name().to_owned());

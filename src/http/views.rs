@@ -44,7 +44,8 @@ pub(super) struct SeriesView {
     /// Why it may not be what its sender meant to send. `incomplete_transfer`: a sender broke off, or
     /// fewer instances came than were announced, and nothing made the series whole since (a word, the
     /// expected number, a later sender that brought what lacked and ended well). `instances_refused`:
-    /// instances of it were refused and are not stored.
+    /// instances of it were refused and are not stored. `former_decoder`: release 0.1 made what is served
+    /// of it, with a decoder that could read JPEG Lossless wrongly.
     pub doubts: Vec<TransferDoubt>,
     /// Instances that the sender announced.
     pub expected_instances: Option<u64>,
@@ -91,7 +92,8 @@ pub(super) struct ClinicalView {
     /// Whether an operator chose it; else it is the one that the service queued itself.
     pub chosen: bool,
     /// How far a newer revision is, where there is or will be one: `receiving`, `queued`, `running`,
-    /// `failed`, `cancelled`, `not_reconstructable`, `removed`.
+    /// `failed`, `cancelled`, `not_reconstructable`, `removed`; `succeeded` or `superseded` where an
+    /// operator chose one of an earlier revision all the same.
     pub newer_revision: Option<String>,
     /// What operators chose, oldest first.
     pub choices: Vec<ClinicalChoiceView>,
@@ -230,7 +232,9 @@ pub(super) struct ReconstructionView {
     /// `precise` alone.
     pub quality: Option<Quality>,
     /// The doubts of the transfer of its revision: those of the series while that revision is its latest;
-    /// they stay as they are once instances of a newer one come.
+    /// they stay as they are once instances of a newer one come. And `former_decoder`: release 0.1 made it
+    /// with a decoder that could read JPEG Lossless wrongly, from instances that are JPEG Lossless or, no
+    /// longer stored, may have been.
     pub transfer_doubts: Vec<TransferDoubt>,
     /// When it was asked for.
     #[schema(format = DateTime)]

@@ -167,11 +167,12 @@ impl Intake {
     /// Room for one instance.
     ///
     /// # Errors
-    /// Before any byte: the disk is below its watermark, the service is shutting down.
+    /// Before any byte: the disk is below its watermark, the catalog is damaged, the service is shutting down.
     pub async fn begin(&self) -> Result<Spool> {
         if self.shared.shut.load(Ordering::Relaxed) {
             return Err(Error::ShuttingDown);
         }
+        self.shared.store.check_catalog()?;
         if !self.shared.store.has_room()? {
             return Err(Error::OutOfStorage);
         }
@@ -257,6 +258,7 @@ impl Intake {
                 tracing::error!(%cause, sender = kind.name(), "an instance can't be stored");
             }
             Err(error) => {
+                self.shared.store.note_damage(error);
                 tracing::warn!(code = outcome, detail = %error, sender = kind.name(), "instance refused");
             }
         }

@@ -5,7 +5,6 @@ use std::io::{Seek as _, SeekFrom};
 use super::examination::{accept_class, accept_pixels, examine};
 use super::spool::Reader;
 use super::{Announced, Intake, Receipt, Spool};
-use crate::dicom::part10;
 use crate::dicom::scan::{self, Scan};
 use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
 use crate::error::{Error, Result};
@@ -92,13 +91,8 @@ impl Intake {
         let store = self.shared.store.clone();
         blocking(move || {
             let Scan { header, data_set_offset, .. } = scan;
-            let file_meta = part10::file_meta(
-                &header.sop_class_uid,
-                &header.sop_instance_uid,
-                &header.transfer_syntax_uid,
-            );
             reader.seek(SeekFrom::Start(data_set_offset))?;
-            store.stage(header, &file_meta, reader)
+            store.stage(header, None, reader)
         })
         .await
     }

@@ -12,10 +12,10 @@ use serde::Serialize;
 use super::blobs::{Aside, Files, keys_under};
 use super::catalog::{CatalogReader, InstanceRow, ResultRow};
 use super::open::{CATALOG, OpenError};
-use super::reading::{REPORT, cloud_name, result_names};
+use super::reading::{REPORT, cloud_name};
 use super::recovery::{ChoiceRecord, RECORD, ResultRecord};
 use super::verify;
-use super::{Damage, blocking, hashed};
+use super::{Damage, HashedFile, blocking, hashed};
 use crate::config;
 use crate::error::Result;
 use crate::geometry::Plane;
@@ -77,6 +77,10 @@ impl super::Store {
         let in_use = is_in_use(&root).map_err(|error| unusable(error.into()))?;
         if fs::metadata(root.join(CATALOG)).map_or(0, |metadata| metadata.len()) == 0 {
             return Err(OpenError::CatalogLost(root));
+        }
+        // A service writes the log that it has.
+        if !in_use && CatalogReader::has_foreign_log(&root.join(CATALOG)).await.unwrap_or(false) {
+            return Err(OpenError::ForeignLog(root));
         }
         let reader = CatalogReader::open(&root.join(CATALOG)).await;
         let reader = reader.map_err(|error| unusable(error.into()))?;
@@ -165,25 +169,20 @@ fn files(
     for row in results {
         let keys = keys_under(root, vec![root.join(&row.prefix)])?;
         for key in &keys {
-            let is_choice = key.rsplit_once('/').is_some_and(|(_, name)| ChoiceRecord::is_name(name));
-            if is_choice && ChoiceRecord::from_json(&fs::read(root.join(key))?).is_none() {
-                let detail = "no record of a clinical choice";
-                checked.problems.push(problem("damaged", key, Some(&row.series), Some(&row.id), detail));
+            if let Some((kind, detail)) = choice(root, row, key) {
+                checked.problems.push(problem(kind, key, Some(&row.series), Some(&row.id), &detail));
             }
         }
         known.extend(keys);
-        let clouds = std::iter::once(None).chain(Plane::ALL.map(Some)).map(cloud_name);
-        let names = clouds.filter(|_| row.has_cloud).chain(std::iter::once(REPORT.to_owned()));
-        for name in names {
+        for name in names(row) {
             let key = format!("{}/{name}", row.prefix);
-            if let Some((kind, detail)) = result_file(root, &row.prefix, &name)? {
+            if let Some((kind, detail)) = result_file(root, row, &name) {
                 checked.problems.push(problem(kind, &key, Some(&row.series), Some(&row.id), &detail));
             }
         }
-        let record = format!("{}/{RECORD}", row.prefix);
-        if known.contains(&record) && ResultRecord::from_json(&fs::read(root.join(&record))?).is_none() {
-            let detail = "no record of this version or an earlier one";
-            checked.problems.push(problem("damaged", &record, Some(&row.series), Some(&row.id), detail));
+        if let Some((kind, detail)) = record(root, row) {
+            let key = format!("{}/{RECORD}", row.prefix);
+            checked.problems.push(problem(kind, &key, Some(&row.series), Some(&row.id), &detail));
         }
     }
     Ok(known)
@@ -199,25 +198,67 @@ fn acknowledged(row: &InstanceRow) -> verify::Acknowledged<'_> {
     }
 }
 
+/// Names of the files that a result must have: those that its row names, or, in a result of 0.1, those of
+/// its kind.
+fn names(row: &ResultRow) -> Vec<String> {
+    match &row.seal {
+        Some(seal) => seal.names().map(str::to_owned).collect(),
+        None => {
+            let clouds = std::iter::once(None).chain(Plane::ALL.map(Some)).map(cloud_name);
+            clouds.filter(|_| row.has_cloud).chain(std::iter::once(REPORT.to_owned())).collect()
+        }
+    }
+}
+
 /// What is wrong with a file of a result: by the hashes of its blocks, or, in results that have none,
 /// by what it says of itself.
-fn result_file(root: &Path, prefix: &str, name: &str) -> Result<Option<(&'static str, String)>> {
-    let read = hashed::open(&Files::at(root), prefix, name, result_names()).and_then(|mut file| {
-        let mut bytes = Vec::new();
-        while let Some(block) = file.block()? {
-            bytes.extend_from_slice(block);
-        }
-        Ok(bytes)
-    });
-    Ok(match read {
+fn result_file(root: &Path, row: &ResultRow, name: &str) -> Option<(&'static str, String)> {
+    let read = hashed::open(&Files::at(root), &row.prefix, name, row.seal.as_ref());
+    match read.and_then(HashedFile::whole) {
+        Ok(_) if row.seal.is_some() => None,
         Ok(bytes) if name == REPORT => whole_json(&bytes).map(|detail| ("damaged", detail.to_owned())),
         Ok(bytes) => whole_ply(&bytes).map(|detail| ("damaged", detail.to_owned())),
-        Err(error) => Some(match Damage::of(&error) {
-            Some(Damage::Missing(_)) => ("missing", "the file is not there".to_owned()),
-            Some(damage) => ("damaged", damage.to_string()),
-            None => ("unreadable", error.to_string()),
-        }),
-    })
+        Err(error) => Some(wrong(&error)),
+    }
+}
+
+/// What is wrong with the file of a result if it is the record of a clinical choice.
+fn choice(root: &Path, row: &ResultRow, key: &str) -> Option<(&'static str, String)> {
+    let name = key.rsplit_once('/')?.1;
+    if !ChoiceRecord::is_name(name) {
+        return None;
+    }
+    let read = hashed::open_untied(&Files::at(root), &row.prefix, name).and_then(HashedFile::whole);
+    match read.map(|json| ChoiceRecord::from_json(&json)) {
+        Ok(Some(_)) => None,
+        Ok(None) => Some(("damaged", "no record of a clinical choice".to_owned())),
+        Err(error) => Some(wrong(&error)),
+    }
+}
+
+fn wrong(error: &io::Error) -> (&'static str, String) {
+    match Damage::of(error) {
+        Some(Damage::Missing(_)) => ("missing", "the file is not there".to_owned()),
+        Some(damage) => ("damaged", damage.to_string()),
+        None => ("unreadable", error.to_string()),
+    }
+}
+
+/// What is wrong with the record beside a result; 0.1 wrote none.
+fn record(root: &Path, row: &ResultRow) -> Option<(&'static str, String)> {
+    let seal = row.seal.as_ref()?;
+    let read = hashed::open_untied(&Files::at(root), &row.prefix, RECORD).and_then(HashedFile::whole);
+    let record = match read {
+        Ok(json) => ResultRecord::from_json(&json),
+        Err(error) => return Some(wrong(&error)),
+    };
+    match record {
+        None => Some(("damaged", "no record of this version or an earlier one".to_owned())),
+        Some(record) if !record.is_of(&row.prefix) || record.seal().as_ref() != Some(seal) => {
+            Some(("damaged", "the record of another result".to_owned()))
+        }
+        Some(_) => None,
+    }
 }
 
 fn unread(found: impl Fn(&'static str, &str) -> Problem, error: &io::Error) -> Problem {

@@ -44,7 +44,7 @@ mod working;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use tokio::sync::Mutex;
 
@@ -86,6 +86,8 @@ struct Inner {
     aside: Aside,
     settings: config::Storage,
     readiness: Mutex<room::Last>,
+    /// The catalog was found damaged when it was looked at last.
+    damaged: AtomicBool,
     counts: Counts,
     /// Held as long as the store is.
     lock: open::Locks,

@@ -5,7 +5,7 @@ use std::io;
 use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use tokio::sync::Mutex;
 
@@ -57,6 +57,16 @@ pub enum OpenError {
         path = .0.display()
     )]
     CatalogLost(PathBuf),
+    /// The log beside the catalog is that of another catalog.
+    #[error(
+        "the log {CATALOG}-wal in the data directory {path} is not that of the {CATALOG} beside it, as after a \
+         catalog was brought back from a backup; nothing was changed. Remove {CATALOG}-wal and {CATALOG}-shm if \
+         that {CATALOG} is the one to go on with (instances and results that came after it are entered from their \
+         files), or bring back the {CATALOG} of that log, or make a new one from the files with `triplanar rebuild \
+         --data-dir {path}`",
+        path = .0.display()
+    )]
+    ForeignLog(PathBuf),
     /// A catalog is there that need not be rebuilt.
     #[error(
         "the catalog of {} can be opened and is not empty: start the service, or add --replace to set it aside and \
@@ -84,9 +94,7 @@ impl OpenError {
     /// What went wrong inside with rows and files, told with its cause.
     pub(super) fn from_rows(path: &Path, error: Error) -> Self {
         match error {
-            Error::Internal(cause) if cause.downcast_ref().is_some_and(is_damage) => {
-                Self::CatalogLost(path.to_owned())
-            }
+            Error::CatalogDamaged => Self::CatalogLost(path.to_owned()),
             Error::Internal(cause) => Self::Unusable { path: path.to_owned(), cause },
             error => Self::Unusable { path: path.to_owned(), cause: error.into() },
         }
@@ -123,6 +131,7 @@ impl Store {
                 OpenError::Newer { path: config.data_dir.clone(), found, known }
             }
             SchemaError::Lost => OpenError::CatalogLost(config.data_dir.clone()),
+            SchemaError::ForeignLog => OpenError::ForeignLog(config.data_dir.clone()),
             SchemaError::Database(error) if is_damage(&error) => {
                 OpenError::CatalogLost(config.data_dir.clone())
             }
@@ -140,6 +149,7 @@ impl Store {
             aside: Aside::of(&config.data_dir),
             settings: config.clone(),
             readiness: Mutex::default(),
+            damaged: AtomicBool::new(false),
             counts: Counts::default(),
             lock,
         }));

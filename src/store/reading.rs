@@ -9,7 +9,7 @@ use super::records::{
 };
 use super::recovery::ChoiceRecord;
 use super::source::StoredInstances;
-use super::{Damage, HashedFile, Store, blobs, blocking, hashed};
+use super::{Damage, HashedFile, Store, blocking, hashed};
 use crate::dicom::series::unfit_detail;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
@@ -173,14 +173,16 @@ impl Store {
         let (blobs, written, record) =
             (Arc::clone(&self.0.blobs), keys.clone(), ChoiceRecord::new(choice).to_json()?);
         // Beside the results first: a catalog that is made again knows of the choice.
-        let put = move || Ok(written.iter().try_for_each(|key| blobs::put(&*blobs, key, &record))?);
+        let put =
+            move || Ok(written.iter().try_for_each(|key| hashed::put(&*blobs, key, &record).map(drop))?);
         let chosen = match blocking(put).await {
             Ok(()) => tx.commit().await.map_err(Error::from),
             Err(error) => Err(error),
         };
         if chosen.is_err() {
             let blobs = Arc::clone(&self.0.blobs);
-            let removed = blocking(move || Ok(keys.iter().try_for_each(|key| blobs.remove(key))?)).await;
+            let remove = move || Ok(keys.iter().try_for_each(|key| hashed::remove(&*blobs, key))?);
+            let removed = blocking(remove).await;
             if let Err(error) = removed {
                 tracing::warn!(%error, "the record of a choice that was not made can't be removed");
             }
@@ -268,27 +270,27 @@ impl Store {
     /// A file of a result. One that is gone although the row still names it is damage.
     async fn result_file(&self, id: ReconstructionId, name: &str) -> Result<HashedFile> {
         let removed = || Error::NotFound { what: "reconstruction", id: id.to_string() };
-        let prefix = self.0.catalog.result_of(id).await?.ok_or_else(removed)?;
-        let (blobs, place, file) = (Arc::clone(&self.0.blobs), prefix.clone(), name.to_owned());
-        let opened = blocking(move || Ok(hashed::open(&*blobs, &place, &file, result_names()))).await?;
+        let result = self.0.catalog.result_of(id).await?.ok_or_else(removed)?;
+        let (blobs, of, file) = (Arc::clone(&self.0.blobs), result.clone(), name.to_owned());
+        let opened = blocking(move || Ok(hashed::open(&*blobs, &of.prefix, &file, of.seal.as_ref()))).await?;
         let error = match opened {
             Ok(file) => return Ok(file),
             Err(error) => error,
         };
         // The row tells whether it was removed since it was read.
         let named = self.0.catalog.result_of(id).await?;
-        Err(if named == Some(prefix) { Error::of_result(id, error) } else { removed() })
+        Err(if named == Some(result) { Error::of_result(id, error) } else { removed() })
     }
 
     /// Where the result of a reconstruction lies, if one of its files is damaged.
     pub(super) async fn damaged_result(&self, record: &ReconstructionRecord) -> Result<Option<String>> {
-        let Some(prefix) = self.0.catalog.result_of(record.id).await? else { return Ok(None) };
+        let Some(result) = self.0.catalog.result_of(record.id).await? else { return Ok(None) };
         let blobs = Arc::clone(&self.0.blobs);
         blocking(move || {
             for name in required_names() {
-                let file = hashed::open(&*blobs, &prefix, &name, result_names());
+                let file = hashed::open(&*blobs, &result.prefix, &name, result.seal.as_ref());
                 match file.and_then(HashedFile::check) {
-                    Err(error) if Damage::of(&error).is_some() => return Ok(Some(prefix)),
+                    Err(error) if Damage::of(&error).is_some() => return Ok(Some(result.prefix)),
                     checked => checked?,
                 }
             }
@@ -307,11 +309,6 @@ pub(super) const REPORT: &str = "report.json";
 /// Name of a cloud's blob within a result.
 pub(super) fn cloud_name(plane: Option<Plane>) -> String {
     format!("{}.ply", plane.map_or("triplanar", Plane::name))
-}
-
-/// Names of all files that a result can have, without those of their hashes.
-pub(super) fn result_names() -> impl Iterator<Item = String> {
-    required_names().chain(std::iter::once(PICTURES.to_owned()))
 }
 
 /// Names of the files that the result of every reconstruction with a cloud has.

@@ -1,6 +1,6 @@
 //! What only the intake does: room for an instance, its durable place, its row.
 
-use std::io::{self, Read, Write as _};
+use std::io::{self, Read, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -13,7 +13,7 @@ use super::catalog::{Added, Catalog, NewInstance, OpenSender, Policy};
 use super::verify::{self, is_whole};
 use super::{Store, blocking};
 use crate::dicom::header::InstanceHeader;
-use crate::dicom::part10::file_meta_with;
+use crate::dicom::part10::{Content, sealed_file_meta};
 use crate::dicom::uid::SopInstanceUid;
 use crate::error::{Error, Result};
 
@@ -42,17 +42,28 @@ impl Store {
         &self.0.incoming
     }
 
-    /// Writes `file_meta` and then `data_set`, untouched, to a temporary file. Blocks.
+    /// Writes our file header and then `data_set`, untouched, to a temporary file. `image_sha256` is set
+    /// where the data set took the place of another one of the same image. Blocks.
     pub(crate) fn stage(
         &self,
         header: InstanceHeader,
-        file_meta: &[u8],
+        image_sha256: Option<[u8; 32]>,
         mut data_set: impl Read,
     ) -> Result<Staged> {
         let mut file = self.0.blobs.temporary()?;
-        file.write_all(file_meta)?;
+        let file_meta = |data_set_sha256| {
+            sealed_file_meta(
+                &header.sop_class_uid,
+                &header.sop_instance_uid,
+                &header.transfer_syntax_uid,
+                &Content { data_set_sha256, image_sha256 },
+            )
+        };
+        // Room for it: the hash is known at the end.
+        let unsealed = file_meta([0; 32]);
+        file.write_all(&unsealed)?;
         let mut hash = Sha256::new();
-        let mut size = file_meta.len() as u64;
+        let mut size = unsealed.len() as u64;
         let mut chunk = vec![0; CHUNK];
         let mut looked = 0;
         loop {
@@ -70,7 +81,10 @@ impl Store {
             file.write_all(read)?;
             size += read.len() as u64;
         }
-        Ok(Staged { header, file, size, data_set_sha256: hash.finalize().into() })
+        let data_set_sha256 = hash.finalize().into();
+        file.seek(SeekFrom::Start(0))?;
+        file.write_all(&file_meta(data_set_sha256))?;
+        Ok(Staged { header, file, size, data_set_sha256 })
     }
 
     /// Makes a staged instance durable as a blob. It counts only with a row: see [`Store::enter`].
@@ -92,14 +106,11 @@ impl Store {
         let former = self.0.blobs.read(&new.blob)?;
         let data_set =
             verify::data_set(&former).ok_or_else(|| Error::internal("not the file that was kept"))?;
-        let header = &new.header;
-        let file_meta = file_meta_with(
-            &header.sop_class_uid,
-            &header.sop_instance_uid,
-            &header.transfer_syntax_uid,
-            Some(&image_sha256),
-        );
-        let stated = self.keep(self.stage(header.clone(), &file_meta, data_set)?)?;
+        let staged = self.stage(new.header.clone(), Some(image_sha256), data_set)?;
+        if staged.data_set_sha256 != new.data_set_sha256 {
+            return Err(Error::internal("the file that was kept has changed"));
+        }
+        let stated = self.keep(staged)?;
         self.0.blobs.remove(&new.blob)?;
         Ok(NewInstance { image_sha256: Some(image_sha256), ..stated })
     }

@@ -109,7 +109,7 @@ impl SenderEnd {
 }
 
 named! {
-    /// Why a series may not be what its sender meant to send.
+    /// Why a series may not be what its sender meant to send, or what was made of it not what that shows.
     TransferDoubt {
         /// A sender broke off, or fewer instances came than were announced, and the series was not
         /// made whole since: by word, by count, or by a sender that began later and brought what
@@ -119,6 +119,10 @@ named! {
         /// stored) and did not come again in a way that they could be stored, nor did a word say that it
         /// is complete without them.
         InstancesRefused = "instances_refused",
+        /// Release 0.1 made it with a decoder that could read JPEG Lossless wrongly without an error, from
+        /// instances that are JPEG Lossless or, no longer stored, may have been. Of a series: what is served
+        /// of it is such a one.
+        FormerDecoder = "former_decoder",
     }
 }
 
@@ -271,8 +275,10 @@ pub struct SeriesRecord {
     pub complete_reason: Option<CompleteReason>,
     /// How the sender that ended last ended.
     pub sender_end: Option<SenderEnd>,
-    /// Why it may not be what its sender meant to send.
+    /// Why it may not be what its sender meant to send, or what is served of it not what it shows.
     pub doubts: Vec<TransferDoubt>,
+    /// Identity of the set of instances of the latest revision; `None` before the first.
+    pub instances_sha256: Option<[u8; 32]>,
     /// Instances that the sender announced.
     pub expected_instances: Option<u64>,
     /// Instances stored.
@@ -372,7 +378,7 @@ pub struct ReconstructionRecord {
     pub figures: Option<Figures>,
     /// How far the result can be trusted, where its profile tells.
     pub quality: Option<Quality>,
-    /// The doubts of the transfer of its revision.
+    /// The doubts of the transfer of its revision, and that of the decoder that it was made with.
     pub transfer_doubts: Vec<TransferDoubt>,
     /// Whether a report is stored (a failed one can have one).
     pub has_report: bool,
@@ -386,14 +392,25 @@ pub struct ReconstructionRecord {
     pub finished_ms: Option<i64>,
 }
 
+impl ReconstructionRecord {
+    /// Whether it was made with the decoder of release 0.1 from what that could read wrongly.
+    #[must_use]
+    pub fn is_of_former_decoder(&self) -> bool {
+        self.transfer_doubts.contains(&TransferDoubt::FormerDecoder)
+    }
+
+    /// Whether it is of the latest revision of its series, or of the same instances.
+    #[must_use]
+    pub fn is_of_latest(&self, series: &SeriesRecord) -> bool {
+        self.revision >= series.revision || series.instances_sha256 == Some(self.instances_sha256)
+    }
+}
+
 /// The clinical reconstruction of a series: the one that is served for it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clinical {
     /// Which.
     pub reconstruction: ReconstructionRecord,
-    /// The revision of the series that it is the clinical one of: its own, or a later one at which an
-    /// operator chose it.
-    pub of_revision: u32,
     /// Whether an operator chose it.
     pub chosen: bool,
 }

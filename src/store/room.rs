@@ -1,9 +1,9 @@
 //! Whether there is room, and whether the store can work.
 
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use super::open::is_damage;
 use super::{Store, blocking};
 use crate::error::{Error, Result};
 
@@ -51,11 +51,7 @@ impl Store {
     async fn try_all(&self) -> Readiness {
         let catalog = match self.0.catalog.ping().await {
             Err(_) => Err("the catalog does not answer".to_owned()),
-            Ok(()) if self.is_damaged().await => Err(
-                "the catalog is damaged: stop the service and see `triplanar check`; bring the catalog back from \
-                 a backup or make a new one with `triplanar rebuild`"
-                    .to_owned(),
-            ),
+            Ok(()) if self.is_damaged().await => Err(Error::CatalogDamaged.to_string()),
             Ok(()) => self.0.catalog.try_write().await.map_err(|error| match error {
                 Error::Internal(_) => "the catalog can't be written".to_owned(),
                 error => format!("the catalog can't be written: {error}"),
@@ -71,16 +67,32 @@ impl Store {
         Readiness { catalog, data_dir }
     }
 
-    /// Whether the catalog's pages are found damaged.
+    /// Whether the catalog's pages are found damaged; intake follows that.
     async fn is_damaged(&self) -> bool {
-        match self.0.catalog.damage().await {
+        let damaged = match self.0.catalog.damage().await {
             Ok(None) => false,
             Ok(Some(found)) => {
                 tracing::error!(found, "the catalog is damaged");
                 true
             }
-            Err(Error::Internal(cause)) => cause.downcast_ref().is_some_and(is_damage),
-            Err(_) => false,
+            Err(error) => matches!(error, Error::CatalogDamaged),
+        };
+        self.0.damaged.store(damaged, Ordering::Relaxed);
+        damaged
+    }
+
+    /// Refuses what would be stored into a catalog that is known to be damaged.
+    ///
+    /// # Errors
+    /// [`Error::CatalogDamaged`].
+    pub(crate) fn check_catalog(&self) -> Result<()> {
+        if self.0.damaged.load(Ordering::Relaxed) { Err(Error::CatalogDamaged) } else { Ok(()) }
+    }
+
+    /// An error was met: if it tells of damage, that is known from now on.
+    pub(crate) fn note_damage(&self, error: &Error) {
+        if matches!(error, Error::CatalogDamaged) {
+            self.0.damaged.store(true, Ordering::Relaxed);
         }
     }
 

@@ -43,6 +43,12 @@ fn fingerprint_unless(file: &[u8], stopped: &dyn Fn() -> bool) -> Option<[u8; 32
     Some(hash.finalize().into())
 }
 
+/// Whether header and data set, with that fingerprint, are what we wrote; `None` where the header does not
+/// tell: that of release 0.1.
+pub(super) fn is_as_sealed(file: &[u8], fingerprint: [u8; 32]) -> Option<bool> {
+    part10::is_as_sealed(file.get(GROUP..data_set_offset(file)?)?, fingerprint)
+}
+
 /// Hash of the data set that was stored first, where the file has a corrected one.
 pub(super) fn image_sha256(file: &[u8]) -> Option<[u8; 32]> {
     part10::image_sha256(file.get(GROUP..data_set_offset(file)?)?)

@@ -1,15 +1,18 @@
 //! What only the job workers do: take a reconstruction, tell how far it is, end it.
 
+use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::catalog::ResultFiles;
+use super::hashed::Seal;
 use super::reading::{PICTURES, REPORT, cloud_name};
 use super::recovery::RECORD;
 use super::stored::{figure_json, quality_json};
 use super::{
     Claim, Fault, Heartbeat, Lease, Outcome, Reclaim, ReconstructionId, ReconstructionRecord, Store,
 };
-use super::{blobs, blocking, catalog, hashed};
+use super::{blocking, catalog, hashed};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
 use crate::pipeline::{Parameters, Stage};
@@ -80,10 +83,10 @@ impl Store {
             outcome.clouds.iter().map(|(plane, bytes)| (cloud_name(*plane), bytes.clone())).collect();
         files.push((REPORT.to_owned(), outcome.report.clone()));
         files.extend(outcome.pictures.iter().map(|pictures| (PICTURES.to_owned(), pictures.clone())));
-        let prefix = self.write_result(lease, files).await?;
+        let result = self.write_result(lease, files).await?;
         let has_pictures = outcome.pictures.is_some();
-        let ended = self.0.catalog.succeed(lease, &prefix, &figures, quality.as_deref(), has_pictures).await;
-        self.settle(ended, Some(prefix)).await
+        let ended = self.0.catalog.succeed(lease, &result, &figures, quality.as_deref(), has_pictures).await;
+        self.settle(ended, Some(result.prefix)).await
     }
 
     /// Marks it failed, with its report if there is one. False: the lease was lost.
@@ -103,7 +106,7 @@ impl Store {
         pictures: Option<&[u8]>,
     ) -> Result<bool> {
         let pictures = pictures.filter(|_| report.is_some());
-        let prefix = match report {
+        let result = match report {
             Some(report) => {
                 let mut files = vec![(REPORT.to_owned(), report.to_owned())];
                 files.extend(pictures.map(|pictures| (PICTURES.to_owned(), pictures.to_owned())));
@@ -111,8 +114,8 @@ impl Store {
             }
             None => None,
         };
-        let ended = self.0.catalog.fail(lease, fault, prefix.as_deref(), pictures.is_some()).await;
-        self.settle(ended, prefix).await
+        let ended = self.0.catalog.fail(lease, fault, result.as_ref(), pictures.is_some()).await;
+        self.settle(ended, result.map(|result| result.prefix)).await
     }
 
     /// Writes the record beside the result, then commits. A result that has no row after that is
@@ -136,7 +139,7 @@ impl Store {
         if let Some(prefix) = prefix {
             let (store, key) = (Arc::clone(&self.0.blobs), format!("{prefix}/{RECORD}"));
             let record = ended.record.to_json()?;
-            blocking(move || Ok(blobs::put(&*store, &key, &record)?)).await?;
+            blocking(move || Ok(hashed::put(&*store, &key, &record)?)).await?;
         }
         Ok(ended.tx.commit().await?)
     }
@@ -222,22 +225,27 @@ impl Store {
         self.0.catalog.queued().await
     }
 
-    /// Makes the files of a result durable, each with the hashes of its blocks. Each lease writes to a place of its own: one that was
-    /// lost can't touch what its successor wrote.
-    async fn write_result(&self, lease: &Lease, files: Vec<(String, Vec<u8>)>) -> Result<String> {
+    /// Makes the files of a result durable, each with the hashes of its blocks. Each lease writes to a place
+    /// of its own: one that was lost can't touch what its successor wrote.
+    async fn write_result(&self, lease: &Lease, files: Vec<(String, Vec<u8>)>) -> Result<ResultFiles> {
         let prefix = format!("results/{}/{}", lease.id, lease.fence);
         let (store, folder) = (Arc::clone(&self.0.blobs), prefix.clone());
-        blocking(move || {
-            let put =
-                |(name, bytes): (String, Vec<u8>)| hashed::put(&*store, &format!("{folder}/{name}"), &bytes);
-            let written = files.into_iter().try_for_each(put);
+        let seal = blocking(move || {
+            let mut seal = Seal::default();
+            let mut put = |(name, bytes): (String, Vec<u8>)| {
+                let hash = hashed::put(&*store, &format!("{folder}/{name}"), &bytes)?;
+                seal.add(name, hash);
+                Ok::<_, io::Error>(())
+            };
+            let written = files.into_iter().try_for_each(&mut put);
             if written.is_err() {
                 // Half a result takes the room that the next attempt needs.
                 let _the_first_error_is_told = store.remove_all(&folder);
             }
-            Ok(written?)
+            written?;
+            Ok(seal)
         })
         .await?;
-        Ok(prefix)
+        Ok(ResultFiles { prefix, seal: Some(seal) })
     }
 }

@@ -175,6 +175,13 @@ async fn a_newer_revision_at_work_or_failed_is_told_and_can_be_waited_for() {
     server.finish(&uid).await;
     choose(&server, &uid, Value::Null).await;
     assert_eq!(served(&server, &uid).await, id.to_string());
+    assert_eq!(server.get(&current).send().await.unwrap().status(), 200);
+    // Chosen although the latest revision has its own: what is served is not of the latest.
+    choose(&server, &uid, json!(old.to_string())).await;
+    waits("succeeded").await;
+    assert_eq!(newer().await.0, Some(format!("2; state=succeeded; reconstruction={id}")));
+    choose(&server, &uid, Value::Null).await;
+    assert_eq!(server.get(&current).send().await.unwrap().status(), 200);
     let by_id = server.get(&format!("/v1/reconstructions/{old}/cloud")).send().await.unwrap();
     let told = header(&by_id, "triplanar-newer-revision").expect("a superseded one says so");
     assert_eq!(told, format!("2; state=succeeded; reconstruction={id}"));

@@ -143,6 +143,7 @@ fn a_catalog_of_0_1_is_made_again_as_far_as_reports_tell() {
     let rebuilt = rebuild(&data);
     assert_eq!(rebuilt["series"], 4, "{rebuilt:#}");
     assert_eq!(rebuilt["reconstructions"], json!(results), "{rebuilt:#}");
+    assert_eq!(rebuilt["unsealed_instances"], rebuilt["instances"], "{rebuilt:#}");
     assert_eq!(rebuilt["from_reports"].as_array().map(Vec::len), Some(results), "{rebuilt:#}");
     assert_eq!(rebuilt["set_aside"], json!([]), "{rebuilt:#}");
     assert!(rebuilt["lost"].as_array().is_some_and(|lost| !lost.is_empty()));

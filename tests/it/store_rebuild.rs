@@ -230,3 +230,73 @@ async fn an_experiment_does_not_become_the_clinical_one() {
     assert_eq!(series.state, SeriesState::Receiving, "its own one is made after the quiet time");
     assert_eq!(series.doubts, [], "it was completed by word");
 }
+
+#[tokio::test]
+async fn a_file_that_changed_is_not_entered_and_the_good_one_can_be_sent_again() {
+    let dir = tempdir().unwrap();
+    let entrance = Entrance::open(settings(dir.path())).await;
+    let uid = Slice::of(1, 0).series_uid();
+    entrance.send_all(Uuid::new_v4(), 1, 1..7).await;
+    entrance.send(Uuid::new_v4(), &Slice { patient_id: "PATIENT-0815", ..Slice::of(1, 6) }).await.unwrap();
+    for number in 1..6 {
+        let corrected = Slice { patient_id: "PATIENT-0815", ..Slice::of(1, number) };
+        entrance.send(Uuid::new_v4(), &corrected).await.unwrap();
+    }
+    entrance.intake.complete(&uid, CompleteReason::Explicit).await.unwrap();
+    finish(&entrance).await;
+    let config = entrance.config.clone();
+    entrance.stop().await;
+    // One bit of a pixel, of the name of the instance in the file's header, of the hash of the first image.
+    let harms: [fn(&[u8]) -> usize; 3] = [
+        |file| file.len() - 5,
+        |file| 144 + file[144..].windows(4).position(|part| part == b"\x02\0\x03\0").expect("a UID") + 30,
+        |file| 144 + file[144..].windows(4).position(|part| part == b"\x02\0\x02\x01").expect("hashes") + 50,
+    ];
+    let mut files = Vec::new();
+    for shard in std::fs::read_dir(dir.path().join("instances")).unwrap() {
+        files.extend(std::fs::read_dir(shard.unwrap().path()).unwrap().map(|file| file.unwrap().path()));
+    }
+    files.sort_by_key(|path| path.file_name().unwrap().to_owned());
+    assert_eq!(files.len(), 6);
+    for (path, place) in files.iter().zip(harms) {
+        let mut bytes = std::fs::read(path).unwrap();
+        let place = place(&bytes);
+        bytes[place] ^= 1;
+        std::fs::write(path, bytes).unwrap();
+    }
+    std::fs::remove_file(dir.path().join("catalog.sqlite")).unwrap();
+    let told = Store::rebuild(&config.storage, false).await.unwrap();
+    let reasons: Vec<_> = told.blobs.set_aside.iter().map(|blob| blob.reason.as_str()).collect();
+    assert_eq!(reasons.len(), 3, "{told:#?}");
+    assert!(reasons.iter().all(|reason| reason.contains("send this instance again")), "{reasons:?}");
+    assert_eq!((told.blobs.instances, told.blobs.unsealed_instances), (3, 0));
+    let entrance = Entrance::open(config).await;
+    let series = entrance.series(1).await;
+    assert_eq!((series.state, series.instances), (SeriesState::Receiving, 3));
+    assert_eq!(series.doubts, [TransferDoubt::IncompleteTransfer]);
+    for number in 1..4 {
+        let corrected = Slice { patient_id: "PATIENT-0815", ..Slice::of(1, number) };
+        assert!(!entrance.send(Uuid::new_v4(), &corrected).await.unwrap().duplicate);
+    }
+    assert_eq!(entrance.series(1).await.instances, 6);
+}
+
+#[tokio::test]
+async fn a_refusal_that_was_held_still_is() {
+    let dir = tempdir().unwrap();
+    let entrance = Entrance::open(settings(dir.path())).await;
+    let uid = Slice::of(1, 0).series_uid();
+    entrance.send_all(Uuid::new_v4(), 1, 1..5).await;
+    let other_pixels = Slice { value: 41, ..Slice::of(1, 2) };
+    entrance.send(Uuid::new_v4(), &other_pixels).await.expect_err("refused");
+    entrance.intake.complete(&uid, CompleteReason::Quiet).await.unwrap();
+    finish(&entrance).await;
+    let before = (entrance.series(1).await.doubts, entrance.store.refused(&uid).await.unwrap());
+    assert_eq!(before.0, [TransferDoubt::InstancesRefused]);
+    assert_eq!(before.1.len(), 1);
+    let config = entrance.config.clone();
+    entrance.stop().await;
+    rebuilt(&config).await;
+    let entrance = Entrance::open(config).await;
+    assert_eq!((entrance.series(1).await.doubts, entrance.store.refused(&uid).await.unwrap()), before);
+}

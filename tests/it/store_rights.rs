@@ -2,14 +2,16 @@
 //! told, and readiness says so.
 
 use std::fs::{self, File};
-use std::os::unix::fs::{FileExt as _, symlink};
+use std::os::unix::fs::{FileExt as _, MetadataExt as _, PermissionsExt as _, symlink};
 use std::path::Path;
 use std::time::Duration;
 
+use serde_json::{Value, json};
 use sqlx::Connection as _;
+use triplanar::phantom::Options;
 
-use crate::support::client::Client;
-use crate::support::service::Service;
+use crate::support::client::{Client, answer};
+use crate::support::service::{Service, Settings};
 use crate::support::{pacs, phantom};
 
 /// A data directory with a series and its reconstruction.
@@ -81,6 +83,84 @@ async fn a_catalog_damaged_under_a_running_service_makes_it_unready() {
     clear(&catalog, place);
     let told = unready(&service).await;
     assert!(told.contains("triplanar rebuild"), "{told}");
+    // Nothing is taken that would be lost with it, by whatever door.
+    let other = phantom::series(Options { slices: 2, seed: 7, ..Options::default() });
+    let statuses = pacs::statuses(&service, &other.files).await;
+    assert_eq!(statuses, [0xA700, 0xA700]);
+    let client = Client::new(service.http);
+    let (status, told) = client.upload("application/dicom", other.files[0].clone()).await;
+    assert_eq!(
+        (status.as_u16(), &told["type"]),
+        (503, &json!("urn:triplanar:problem:catalog-damaged")),
+        "{told:#}"
+    );
+    let form =
+        [b"--b\r\nContent-Type: application/dicom\r\n\r\n", &*other.files[0], b"\r\n--b--\r\n"].concat();
+    let stow = client.request(reqwest::Method::POST, "/dicom-web/studies");
+    let kind = "multipart/related; type=\"application/dicom\"; boundary=b";
+    let (status, told) = answer(stow.header("content-type", kind).body(form)).await;
+    assert_eq!(status.as_u16(), 503, "{told:#}");
+}
+
+/// The service without the right to read and write whatever it likes, which root has (CAP_DAC_OVERRIDE).
+fn without_override() -> Settings {
+    let root = fs::metadata("/proc/self").expect("procfs").uid() == 0;
+    if root { phantom::settings().without_override() } else { phantom::settings() }
+}
+
+/// Asks for a reconstruction with these parameters and gives its path.
+async fn asked(client: &Client, unique_distance_mm: f64) -> String {
+    let path = format!("/v1/series/{}/reconstructions", phantom::small().uid);
+    let (status, told) = client.post(&path, &json!({ "unique_distance_mm": unique_distance_mm })).await;
+    assert!(status.is_success(), "{told:#}");
+    format!("/v1/reconstructions/{}", told["id"].as_str().expect("an id"))
+}
+
+/// Until the reconstruction is like that.
+async fn until(client: &Client, path: &str, what: impl Fn(&Value) -> bool) -> Value {
+    for _ in 0..1200 {
+        let told = client.json(path).await;
+        if what(&told) {
+            return told;
+        }
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    panic!("{path}: {:#}", client.json(path).await)
+}
+
+/// It waits for the rights, tells so, and no attempt is lost; once they are given it succeeds.
+async fn waits_for_rights(service: &Service, path: &Path, mode: u32, unique_distance_mm: f64) {
+    let client = Client::new(service.http);
+    let kept = fs::metadata(path).expect("it is there").permissions();
+    fs::set_permissions(path, fs::Permissions::from_mode(mode)).expect("rights are taken");
+    let reconstruction = asked(&client, unique_distance_mm).await;
+    let told = until(&client, &reconstruction, |told| told["error"].is_object()).await;
+    assert_eq!(told["error"]["code"], "not_permitted", "{told:#}");
+    assert!(
+        told["error"]["detail"].as_str().is_some_and(|detail| detail.contains("storage.data_dir")),
+        "{told:#}"
+    );
+    assert_ne!(told["state"], "failed", "{told:#}");
+    fs::set_permissions(path, kept).expect("rights are given");
+    let told = until(&client, &reconstruction, |told| told["state"] == "succeeded").await;
+    assert_eq!((&told["attempts"], &told["error"]), (&json!(1), &Value::Null), "{told:#}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_instance_that_may_not_be_read_and_results_that_may_not_be_written_are_waited_for() {
+    let service = without_override().start();
+    pacs::push(&service, &phantom::small().files).await;
+    let client = Client::new(service.http);
+    client.settled(&phantom::small().uid, 1).await;
+    let mut shards = fs::read_dir(service.data_dir().join("instances")).expect("instances");
+    let blob = shards.find_map(|shard| fs::read_dir(shard.expect("a shard").path()).expect("files").next());
+    waits_for_rights(&service, &blob.expect("a file").expect("an entry").path(), 0o000, 1.25).await;
+    let results = service.data_dir().join("results");
+    let writable = fs::metadata(&results).expect("it is there").permissions();
+    fs::set_permissions(&results, fs::Permissions::from_mode(0o555)).expect("rights are taken");
+    assert!(unready(&service).await.contains("results"));
+    fs::set_permissions(&results, writable).expect("rights are given");
+    waits_for_rights(&service, &results, 0o555, 1.5).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

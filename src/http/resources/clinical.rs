@@ -69,8 +69,8 @@ pub(super) async fn view(context: &Context, series: &SeriesRecord) -> Result<Cli
         Err(Error::Unreadable { .. }) => None,
         clinical => clinical?,
     };
-    let of_revision = clinical.as_ref().map_or(0, |clinical| clinical.of_revision);
-    let newer = match Newer::than(context, series, of_revision).await {
+    let served = clinical.as_ref().map(|clinical| &clinical.reconstruction);
+    let newer = match Newer::than(context, series, served).await {
         Err(Error::Unreadable { .. }) => None,
         newer => newer?,
     };

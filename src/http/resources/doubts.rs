@@ -7,6 +7,11 @@ use crate::http::Context;
 use crate::http::views::DoubtView;
 use crate::store::{BrokenTransfer, Refused, SenderEnd, SeriesRecord, TransferDoubt};
 
+const FORMER_DECODER: &str = "release 0.1 made the cloud that is served, with a decoder that could read JPEG Lossless \
+    wrongly, from instances that are JPEG Lossless or, no longer stored, may have been; it is made again at a start \
+    of the service where they are stored (see the latest reconstruction): wait for that, ask for it, or send the \
+    series again";
+
 /// One for each doubt of the series.
 pub(super) async fn view(
     context: &Context,
@@ -21,6 +26,7 @@ pub(super) async fn view(
                 incomplete(series, &broken)
             }
             TransferDoubt::InstancesRefused => refusals(series, refused),
+            TransferDoubt::FormerDecoder => FORMER_DECODER.to_owned(),
         };
         views.push(DoubtView { doubt: *doubt, detail });
     }

@@ -61,9 +61,12 @@ async fn clinical(
     let clinical = context.store.clinical(uid).await?;
     if let Some(WantedRevision::Current) = wanted {
         let series = series_record(context, uid).await?;
-        let revision = clinical.as_ref().map_or(0, |clinical| clinical.of_revision);
-        if let Some(newer) = Newer::than(context, &series, revision).await? {
+        let served = clinical.as_ref().map(|clinical| &clinical.reconstruction);
+        if let Some(newer) = Newer::than(context, &series, served).await? {
             return Err(not_current(&newer));
+        }
+        if let Some(record) = served.filter(|record| record.is_of_former_decoder()) {
+            return Err(made_again(context, &series, record).await?);
         }
     }
     match clinical {
@@ -72,10 +75,37 @@ async fn clinical(
     }
 }
 
+/// When to ask again for what is being made, s.
+const AT_WORK_S: u32 = 5;
+/// When to ask again for what somebody must act for, s.
+const ENDED_S: u32 = 60;
+
+/// What a client can do about a cloud that was made with a decoder at fault, `served` of the latest revision.
+async fn made_again(
+    context: &Context,
+    series: &SeriesRecord,
+    served: &ReconstructionRecord,
+) -> Result<Error> {
+    let again = context.store.clinical_at(&series.series_instance_uid, series.revision).await?;
+    let state = again.filter(|again| again.id != served.id).map_or(served.state, |again| again.state);
+    let (detail, retry_after_s) = if state.is_final() {
+        (
+            "but release 0.1 made what is served of it, with a decoder that could read JPEG Lossless wrongly: start \
+             its reconstruction again, or choose another one as clinical; without revision=current it is served, \
+             with the doubt former_decoder",
+            ENDED_S,
+        )
+    } else {
+        (
+            "it is made again, as the decoder of release 0.1 could read JPEG Lossless wrongly; ask again",
+            AT_WORK_S,
+        )
+    };
+    Ok(Error::NotCurrent { revision: series.revision, state: state.name(), detail, retry_after_s })
+}
+
 /// What a client can do about a latest revision that has no cloud.
 fn not_current(newer: &Newer) -> Error {
-    const AT_WORK_S: u32 = 5;
-    const ENDED_S: u32 = 60;
     let (detail, retry_after_s) = match newer.state {
         "receiving" => ("instances are still coming; ask again", AT_WORK_S),
         "queued" | "running" => ("its cloud is being made; ask again", AT_WORK_S),

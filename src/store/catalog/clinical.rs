@@ -13,6 +13,16 @@ use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
 use crate::store::records::{Clinical, ClinicalChoice, ReconstructionId, ReconstructionRecord};
 
+/// Of the rows of one series' reconstructions, the one that is served.
+macro_rules! served {
+    () => {
+        "state IN ('succeeded', 'superseded') AND (queued_for IS NOT NULL OR chosen_for IS NOT NULL) \
+         ORDER BY CASE WHEN COALESCE(chosen_for, -1) >= COALESCE(queued_for, -1) THEN 2 * chosen_for + 1 \
+         ELSE 2 * queued_for END DESC, id DESC LIMIT 1"
+    };
+}
+pub(super) use served;
+
 /// A choice that is not committed yet.
 #[derive(Debug)]
 pub(crate) struct Chosen {
@@ -26,24 +36,16 @@ pub(crate) struct Chosen {
 impl Catalog {
     /// The one that is served; see `Store::clinical`.
     pub(crate) async fn clinical(&self, uid: &SeriesInstanceUid) -> Result<Option<Clinical>> {
-        let row = sqlx::query(
-            "SELECT * FROM reconstructions WHERE series_uid = $1 AND state IN ('succeeded', 'superseded') \
-             AND (queued_for IS NOT NULL OR chosen_for IS NOT NULL) \
-             ORDER BY CASE WHEN COALESCE(chosen_for, -1) >= COALESCE(queued_for, -1) THEN 2 * chosen_for + 1 \
-             ELSE 2 * queued_for END DESC, id DESC LIMIT 1",
-        )
-        .bind(uid.as_str())
-        .fetch_optional(&self.readers)
-        .await?;
+        let row = sqlx::query(concat!("SELECT * FROM reconstructions WHERE series_uid = $1 AND ", served!()))
+            .bind(uid.as_str())
+            .fetch_optional(&self.readers)
+            .await?;
         let Some(row) = row else { return Ok(None) };
         let queued_for: Option<i64> = row.try_get("queued_for")?;
         let chosen_for: Option<i64> = row.try_get("chosen_for")?;
         let reconstruction = rows::reconstruction(&row)?;
         let chosen = chosen_for.is_some() && chosen_for >= queued_for;
-        // One that an operator chose may be of an earlier revision than the one that it was chosen at.
-        let queued_for = u32::try_from(queued_for.unwrap_or_default()).map_err(Error::internal)?;
-        let of_revision = if chosen { queued_for.max(reconstruction.revision) } else { queued_for };
-        Ok(Some(Clinical { reconstruction, of_revision, chosen }))
+        Ok(Some(Clinical { reconstruction, chosen }))
     }
 
     /// The one of that revision that is clinical there, whatever its state.
@@ -122,11 +124,13 @@ impl Catalog {
         Ok(found.iter().map(rows::clinical_choice).collect::<Result<_, sqlx::Error>>()?)
     }
 
-    /// Series whose latest reconstruction of the service's own was made with a decoder at fault.
+    /// Series whose latest reconstruction of the service's own was made with a decoder at fault, and
+    /// whose instances are still stored.
     pub(crate) async fn to_make_again(&self) -> Result<Vec<SeriesInstanceUid>> {
         let found: Vec<String> = sqlx::query_scalar(
             "SELECT DISTINCT series_uid FROM reconstructions old WHERE algorithm LIKE '%/0' \
-             AND state = 'succeeded' AND queued_for IS NOT NULL AND NOT EXISTS ( \
+             AND state = 'succeeded' AND queued_for IS NOT NULL AND EXISTS ( \
+             SELECT 1 FROM instances i WHERE i.series_uid = old.series_uid) AND NOT EXISTS ( \
              SELECT 1 FROM reconstructions new WHERE new.series_uid = old.series_uid \
              AND new.queued_for >= old.queued_for AND new.algorithm NOT LIKE '%/0' \
              AND new.state NOT IN ('failed', 'cancelled')) ORDER BY series_uid",

@@ -7,10 +7,14 @@ use std::io;
 use std::ops::{Deref, DerefMut};
 use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
+use sqlx::AssertSqlSafe;
 use sqlx::pool::PoolOptions;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
+
+use super::generation::Log;
 
 /// The database.
 pub(super) type Db = sqlx::Sqlite;
@@ -37,8 +41,13 @@ pub(super) const MIGRATIONS: &[(i64, &str)] = &[
     (4, include_str!("schema/sqlite/0004_identity.sql")),
     (5, include_str!("schema/sqlite/0005_results.sql")),
     (6, include_str!("schema/sqlite/0006_transfers.sql")),
+    (7, include_str!("schema/sqlite/0007_seals.sql")),
+    (8, include_str!("schema/sqlite/0008_generation.sql")),
     (9, include_str!("schema/sqlite/0009_corrections.sql")),
 ];
+
+/// How long a connection waits for others.
+pub(super) const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Readers don't wait for the writer (write-ahead log).
 const READERS: u32 = 4;
@@ -56,14 +65,15 @@ const WAL_KEPT: &str = "67108864";
 #[derive(Debug)]
 pub(crate) struct Transaction {
     connection: sqlx::pool::PoolConnection<Db>,
+    log: Arc<Log>,
     committed: bool,
 }
 
 impl Transaction {
     /// Takes the write lock: a transaction that reads and then writes never finds that somebody
     /// wrote in between.
-    pub(super) async fn begin(writer: &Pool) -> Result<Self, sqlx::Error> {
-        let mut transaction = Self { connection: writer.acquire().await?, committed: false };
+    pub(super) async fn begin(writer: &Pool, log: Arc<Log>) -> Result<Self, sqlx::Error> {
+        let mut transaction = Self { connection: writer.acquire().await?, log, committed: false };
         sqlx::query(BEGIN_WRITING).execute(&mut *transaction.connection).await?;
         Ok(transaction)
     }
@@ -71,7 +81,11 @@ impl Transaction {
     /// Makes it durable. After an error only the catalog knows whether it is.
     pub(crate) async fn commit(mut self) -> Result<(), sqlx::Error> {
         sqlx::query("COMMIT").execute(&mut *self.connection).await?;
-        self.committed = true;
+        match self.log.bound(&mut self.connection).await {
+            Ok(()) => self.committed = true,
+            // It is durable; the connection is not used again.
+            Err(error) => tracing::warn!(%error, "the catalog's log can't be written into the catalog"),
+        }
         Ok(())
     }
 }
@@ -112,7 +126,9 @@ pub(super) async fn open(file: &Path) -> Result<(Pool, Pool), sqlx::Error> {
         .synchronous(SqliteSynchronous::Full)
         .foreign_keys(true)
         .pragma("journal_size_limit", WAL_KEPT)
-        .busy_timeout(Duration::from_secs(10));
+        // `generation.rs` does it.
+        .pragma("wal_autocheckpoint", "0")
+        .busy_timeout(PATIENCE);
     let writer = PoolOptions::new()
         .max_connections(1)
         .acquire_timeout(Duration::from_secs(60))
@@ -129,12 +145,18 @@ pub(super) async fn open(file: &Path) -> Result<(Pool, Pool), sqlx::Error> {
 
 /// A reader of a catalog that another process may be writing; changes nothing.
 pub(super) async fn open_to_read(file: &Path) -> Result<Pool, sqlx::Error> {
-    let options = SqliteConnectOptions::new()
-        .filename(file)
-        .create_if_missing(false)
-        .read_only(true)
-        .busy_timeout(Duration::from_secs(10));
-    PoolOptions::new().max_connections(1).connect_with(options).await
+    PoolOptions::new().max_connections(1).connect_with(options_to_read(file)).await
+}
+
+/// The options of a connection that changes nothing.
+pub(super) fn options_to_read(file: &Path) -> SqliteConnectOptions {
+    SqliteConnectOptions::new().filename(file).create_if_missing(false).read_only(true).busy_timeout(PATIENCE)
+}
+
+/// How long the connection waits for others from now on.
+pub(super) async fn set_patience(connection: &mut Connection, patience: Duration) -> Result<(), sqlx::Error> {
+    let statement = format!("PRAGMA busy_timeout = {}", patience.as_millis());
+    sqlx::query(AssertSqlSafe(statement)).execute(connection).await.map(drop)
 }
 
 /// Makes the file, or takes everybody else's rights from it and from the log beside it. The

@@ -9,14 +9,16 @@ use crate::error::{Error, Result};
 use crate::pipeline::Parameters;
 use crate::store::stored::{identity_sha256, parameter_json, settings_sha256};
 
-/// Enters the algorithm of rows of 0.1 (their version is 1, and 0 where their decoder was at fault), and lets what still waits be run, under
-/// its id, by this version.
+/// Enters the algorithm of rows of 0.1 (their version is 1, and 0 where their decoder was, or may have been,
+/// at fault), and lets what still waits be run, under its id, by this version.
 pub(super) async fn refresh(connection: &mut Connection) -> Result<()> {
     let mut tx = connection.begin_with(BEGIN_WRITING).await?;
     let found = sqlx::query(
         "SELECT id, parameters, algorithm, state, EXISTS ( \
          SELECT 1 FROM instances i WHERE i.series_uid = reconstructions.series_uid \
-         AND i.transfer_syntax_uid IN ('1.2.840.10008.1.2.4.57', '1.2.840.10008.1.2.4.70')) AS lossless_jpeg \
+         AND i.transfer_syntax_uid IN ('1.2.840.10008.1.2.4.57', '1.2.840.10008.1.2.4.70')) \
+         OR (state IN ('succeeded', 'superseded') AND NOT EXISTS ( \
+         SELECT 1 FROM instances i WHERE i.series_uid = reconstructions.series_uid)) AS lossless_jpeg \
          FROM reconstructions WHERE algorithm IS NULL OR state IN ('queued', 'running') ORDER BY id",
     )
     .fetch_all(&mut *tx)
@@ -35,7 +37,8 @@ pub(super) async fn refresh(connection: &mut Connection) -> Result<()> {
             continue;
         }
         // The decoder of 0.1 read some streams of JPEG Lossless wrongly, without an error: what was made
-        // with it counts as of another algorithm, so that asking again makes it again.
+        // with it counts as of another algorithm, so that asking again makes it again. Of instances that are
+        // no longer stored nobody knows what they were.
         let lossless_jpeg: bool = row.try_get("lossless_jpeg")?;
         let of_0_1 = format!("{}/{}", parameters.profile.name(), if lossless_jpeg { 0 } else { 1 });
         let made_by = if waits { now } else { of_0_1.as_str() };

@@ -8,9 +8,11 @@ use std::time::Duration;
 use sqlx::Row as _;
 
 use super::queue::milliseconds;
+use super::rows::ResultFiles;
 use super::{Catalog, Transaction, now_ms, reconstructions, recovery, rows};
 use crate::error::{Error, Result};
 use crate::pipeline::Stage;
+use crate::store::hashed::Seal;
 use crate::store::queue::{Fault, Heartbeat, Lease, Reclaim};
 use crate::store::records::{ReconstructionId, ReconstructionRecord};
 use crate::store::recovery::ResultRecord;
@@ -55,12 +57,12 @@ impl Catalog {
         })
     }
 
-    /// Marks success; `prefix` is that of the durable result. `None`: the lease was lost. It counts
-    /// when the record is durable and the transaction is committed.
+    /// Marks success with its durable result. `None`: the lease was lost. It counts when the record is
+    /// durable and the transaction is committed.
     pub(crate) async fn succeed(
         &self,
         lease: &Lease,
-        prefix: &str,
+        result: &ResultFiles,
         figures: &str,
         quality: Option<&str>,
         has_pictures: bool,
@@ -69,17 +71,18 @@ impl Catalog {
         let row = sqlx::query(
             "UPDATE reconstructions SET state = 'succeeded', stage = NULL, fraction = 1.0, figures = $3, result = $4, \
              has_report = TRUE, error_code = NULL, error_detail = NULL, error_instances = '[]', finished_ms = $5, \
-             worker = NULL, lease_until_ms = NULL, quality = $6, has_pictures = $7, \
+             worker = NULL, lease_until_ms = NULL, quality = $6, has_pictures = $7, result_files = $8, \
              deferred_since_ms = NULL \
              WHERE id = $1 AND fence = $2 AND state = 'running' RETURNING *",
         )
         .bind(lease.id.to_string())
         .bind(lease.fence)
         .bind(figures)
-        .bind(prefix)
+        .bind(&result.prefix)
         .bind(now_ms())
         .bind(quality)
         .bind(has_pictures)
+        .bind(result.seal.as_ref().map(Seal::to_json))
         .fetch_optional(&mut *tx)
         .await?;
         let Some(row) = row else { return Ok(None) };
@@ -88,13 +91,13 @@ impl Catalog {
         Ok(Some(Ended { tx, record }))
     }
 
-    /// Marks failure; `prefix` is that of the durable report, if there is one. `None`: the lease
-    /// was lost. It counts when the record is durable and the transaction is committed.
+    /// Marks failure, with its durable report if there is one. `None`: the lease was lost. It counts when
+    /// the record is durable and the transaction is committed.
     pub(crate) async fn fail(
         &self,
         lease: &Lease,
         fault: &Fault,
-        prefix: Option<&str>,
+        result: Option<&ResultFiles>,
         has_pictures: bool,
     ) -> Result<Option<Ended>> {
         let instances = serde_json::to_string(&fault.instances).map_err(Error::internal)?;
@@ -102,7 +105,7 @@ impl Catalog {
         let done = sqlx::query(
             "UPDATE reconstructions SET state = 'failed', stage = NULL, fraction = 0.0, error_code = $3, error_detail = $4, error_instances = $5, \
              result = $6, has_report = ($6 IS NOT NULL), has_pictures = $8, finished_ms = $7, worker = NULL, \
-             lease_until_ms = NULL, deferred_since_ms = NULL \
+             lease_until_ms = NULL, deferred_since_ms = NULL, result_files = $9 \
              WHERE id = $1 AND fence = $2 AND state = 'running'",
         )
         .bind(lease.id.to_string())
@@ -110,9 +113,10 @@ impl Catalog {
         .bind(&fault.code)
         .bind(&fault.detail)
         .bind(instances)
-        .bind(prefix)
+        .bind(result.map(|result| &result.prefix))
         .bind(now_ms())
         .bind(has_pictures)
+        .bind(result.and_then(|result| result.seal.as_ref()).map(Seal::to_json))
         .execute(&mut *tx)
         .await?;
         if done.rows_affected() == 0 {

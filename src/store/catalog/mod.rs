@@ -9,6 +9,7 @@ mod completion;
 mod corrections;
 mod dialect;
 mod dump;
+mod generation;
 mod identity;
 mod instances;
 mod leases;
@@ -27,6 +28,7 @@ mod series;
 mod transfers;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use uuid::Uuid;
 
@@ -42,6 +44,7 @@ pub(crate) use leases::Ended;
 pub(crate) use reader::{CatalogReader, InstanceRow, ResultRow};
 pub(crate) use recovery::Found;
 pub(crate) use removed::Removed;
+pub(crate) use rows::ResultFiles;
 pub(crate) use schema::SchemaError;
 pub(crate) use transfers::{Ended as SenderEnded, OpenSender};
 
@@ -50,6 +53,7 @@ pub(crate) use transfers::{Ended as SenderEnded, OpenSender};
 pub(crate) struct Catalog {
     writer: dialect::Pool,
     readers: dialect::Pool,
+    log: Arc<generation::Log>,
     /// Tells the senders of this process from those of a dead one.
     process: String,
 }
@@ -57,6 +61,9 @@ pub(crate) struct Catalog {
 impl Catalog {
     /// Opens the file, or makes it if it `may_be_new`, and brings it to this version's schema.
     pub(crate) async fn open(file: &Path, may_be_new: bool) -> Result<Self, SchemaError> {
+        if generation::has_foreign_log(file).await? {
+            return Err(SchemaError::ForeignLog);
+        }
         let (writer, readers) = dialect::open(file).await?;
         let prepared = async {
             let mut connection = writer.acquire().await?;
@@ -64,7 +71,10 @@ impl Catalog {
                 return Err(SchemaError::Damaged(found));
             }
             schema::migrate(&mut connection, may_be_new).await?;
-            Ok(identity::refresh(&mut connection).await?)
+            identity::refresh(&mut connection).await?;
+            // The schema leaves the log: a catalog that has lost its log still tells that it is not new.
+            generation::checkpoint(&mut connection).await?;
+            Ok(())
         };
         let prepared: Result<(), SchemaError> = prepared.await;
         if let Err(error) = prepared {
@@ -72,12 +82,13 @@ impl Catalog {
             writer.close().await;
             return Err(error);
         }
-        Ok(Self { writer, readers, process: Uuid::new_v4().to_string() })
+        let log = Arc::new(generation::Log::of(file));
+        Ok(Self { writer, readers, log, process: Uuid::new_v4().to_string() })
     }
 
     /// Begins a transaction that writes. Dropped without `commit`, it changes nothing.
     pub(crate) async fn begin(&self) -> Result<Transaction> {
-        Ok(Transaction::begin(&self.writer).await?)
+        Ok(Transaction::begin(&self.writer, Arc::clone(&self.log)).await?)
     }
 
     /// Ends all connections.

@@ -235,7 +235,7 @@ pub(super) async fn queue_again(connection: &mut Connection, id: ReconstructionI
     .await?;
     sqlx::query(
         "UPDATE reconstructions SET state = 'queued', stage = NULL, fraction = 0.0, attempts = 0, \
-         error_code = NULL, error_detail = NULL, error_instances = '[]', result = NULL, has_report = FALSE, \
+         error_code = NULL, error_detail = NULL, error_instances = '[]', result = NULL, result_files = NULL, has_report = FALSE, \
          has_pictures = FALSE, superseded_by = NULL, software = $3, started_ms = NULL, finished_ms = NULL, \
          not_before_ms = $2, wait_ms = 0, deferred_since_ms = NULL, cancel_requested = FALSE \
          WHERE id = $1",

@@ -8,6 +8,7 @@ use sqlx::Row as _;
 use super::{dialect, rows};
 use crate::dicom::uid::{SeriesInstanceUid, SopClassUid, SopInstanceUid, TransferSyntaxUid};
 use crate::error::Result;
+use crate::store::hashed::Seal;
 use crate::store::records::ReconstructionState;
 
 /// See the module.
@@ -32,12 +33,19 @@ pub(crate) struct ResultRow {
     pub(crate) id: String,
     pub(crate) series: String,
     pub(crate) prefix: String,
+    /// `None`: of release 0.1.
+    pub(crate) seal: Option<Seal>,
     pub(crate) has_cloud: bool,
 }
 
 impl CatalogReader {
     pub(crate) async fn open(file: &Path) -> Result<Self> {
         Ok(Self(dialect::open_to_read(file).await?))
+    }
+
+    /// Whether a log lies beside the file that is another file's.
+    pub(crate) async fn has_foreign_log(file: &Path) -> Result<bool> {
+        Ok(super::generation::has_foreign_log(file).await?)
     }
 
     /// What the database finds wrong with itself.
@@ -70,17 +78,19 @@ impl CatalogReader {
     }
 
     pub(crate) async fn results(&self) -> Result<Vec<ResultRow>> {
-        let found = sqlx::query(
-            "SELECT id, series_uid, result, state FROM reconstructions WHERE result IS NOT NULL ORDER BY id",
-        )
-        .fetch_all(&self.0)
-        .await?;
+        let found = sqlx::query("SELECT * FROM reconstructions WHERE result IS NOT NULL ORDER BY id");
+        let found = found.fetch_all(&self.0).await?;
         let row = |row: &dialect::Row| {
             let state: &str = row.try_get("state")?;
             Ok(ResultRow {
                 id: row.try_get("id")?,
                 series: row.try_get("series_uid")?,
                 prefix: row.try_get("result")?,
+                seal: match row.try_get("result_files") {
+                    // A catalog of an earlier version.
+                    Err(sqlx::Error::ColumnNotFound(_)) => None,
+                    json => rows::seal(json?)?,
+                },
                 has_cloud: ReconstructionState::from_name(state).is_some_and(ReconstructionState::has_cloud),
             })
         };

@@ -3,6 +3,7 @@
 use sqlx::Row as _;
 
 use super::dialect::{Connection, Row};
+use super::rows::ResultFiles;
 use super::series::invalid_cursor;
 use super::{Catalog, Removed, rows};
 use crate::dicom::uid::SeriesInstanceUid;
@@ -37,13 +38,13 @@ impl Catalog {
         rows::page(&found, limit, rows::reconstruction, |last| last.try_get("id"))
     }
 
-    /// Prefix of its blobs, if it has any.
-    pub(crate) async fn result_of(&self, id: ReconstructionId) -> Result<Option<String>> {
-        let prefix = sqlx::query_scalar("SELECT result FROM reconstructions WHERE id = $1")
+    /// Its files, if it has any.
+    pub(crate) async fn result_of(&self, id: ReconstructionId) -> Result<Option<ResultFiles>> {
+        let row = sqlx::query("SELECT id, result, result_files FROM reconstructions WHERE id = $1")
             .bind(id.to_string())
             .fetch_optional(&self.readers)
             .await?;
-        Ok(prefix.flatten())
+        row.as_ref().map(rows::result_files).transpose().map(Option::flatten)
     }
 
     /// Whether a row names the result.

@@ -5,7 +5,7 @@ use sqlx::Row as _;
 use super::dialect::Connection;
 use super::dump::{self, Columns};
 use super::instances::{NewInstance, find, insert, set_sha256, upsert_series};
-use super::{Catalog, restoring, rows, schema, series, transfers};
+use super::{Catalog, generation, restoring, rows, schema, series, transfers};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
 use crate::store::records::ReconstructionId;
@@ -154,7 +154,7 @@ impl Catalog {
 
     /// Writes everything into the database's own file.
     pub(crate) async fn checkpoint(&self) -> Result<()> {
-        sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").execute(&self.writer).await?;
+        generation::checkpoint(&mut *self.writer.acquire().await?).await?;
         Ok(())
     }
 }
@@ -224,6 +224,10 @@ pub(super) async fn record(connection: &mut Connection, id: ReconstructionId) ->
         .bind(&uid)
         .fetch_all(&mut *connection)
         .await?;
+    let refused = sqlx::query("SELECT * FROM refused WHERE series_uid = $1 ORDER BY sop_uid, code")
+        .bind(&uid)
+        .fetch_all(&mut *connection)
+        .await?;
     let expected_instances =
         sqlx::query_scalar("SELECT expected_instances FROM expectations WHERE series_uid = $1")
             .bind(&uid)
@@ -231,6 +235,7 @@ pub(super) async fn record(connection: &mut Connection, id: ReconstructionId) ->
             .await?;
     let (reconstruction, series): (Columns, Columns) = (dump::columns(&row)?, dump::columns(&series)?);
     let choices = choices.iter().map(dump::columns).collect::<Result<_>>()?;
+    let refused = refused.iter().map(dump::columns).collect::<Result<_>>()?;
     let record = ResultRecord::new(schema::latest(), reconstruction, series, instances);
-    Ok(record.with(expected_instances, choices))
+    Ok(record.with(expected_instances, choices, refused))
 }

@@ -1,5 +1,5 @@
 //! What records beside the results tell of a series whose row was made again: how it was completed,
-//! what operators chose, which corrections of its identity are under way.
+//! which instances were refused, what operators chose, which corrections of its identity are under way.
 
 use std::collections::BTreeSet;
 
@@ -38,6 +38,7 @@ pub(super) async fn completeness(
         .execute(&mut *connection)
         .await?;
     }
+    refusals(connection, uid, &record.refused).await?;
     let Some(now) = series::one(connection, uid).await? else { return Ok(()) };
     if now.state != SeriesState::Receiving {
         return Ok(());
@@ -62,6 +63,33 @@ pub(super) async fn completeness(
         .collect();
     dump::update(connection, "series", &known, ("series_uid", uid.as_str())).await?;
     transfers::restored(connection, uid).await
+}
+
+/// Results come the latest first: what that told of a refusal stands. One of an instance that is stored now
+/// is no doubt, unless it came with other content than is stored.
+async fn refusals(connection: &mut Connection, uid: &SeriesInstanceUid, refused: &[Columns]) -> Result<()> {
+    for row in refused {
+        let text = |name: &str| row.get(name).and_then(Value::as_str);
+        let known: i64 = sqlx::query_scalar(
+            "SELECT COUNT(*) FROM refused WHERE series_uid = $1 AND sop_uid = $2 AND code = $3",
+        )
+        .bind(uid.as_str())
+        .bind(text("sop_uid"))
+        .bind(text("code"))
+        .fetch_one(&mut *connection)
+        .await?;
+        if known == 0 && text("series_uid") == Some(uid.as_str()) {
+            dump::insert(connection, "refused", row).await?;
+        }
+    }
+    sqlx::query(
+        "UPDATE refused SET held = FALSE WHERE series_uid = $1 AND held AND code NOT LIKE 'conflicting-%' AND EXISTS ( \
+         SELECT 1 FROM instances i WHERE i.sop_uid = refused.sop_uid AND i.series_uid = refused.series_uid)",
+    )
+    .bind(uid.as_str())
+    .execute(connection)
+    .await?;
+    Ok(())
 }
 
 impl Catalog {

@@ -13,6 +13,7 @@ use crate::dicom::identity::Identity;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Error;
 use crate::pipeline::Stage;
+use crate::store::hashed::Seal;
 use crate::store::records::{
     BrokenTransfer, ClinicalChoice, CompleteReason, InstanceRecord, ReconstructionRecord,
     ReconstructionState, Refused, SenderEnd, SeriesRecord, SeriesState, TransferDoubt, UnfitReason,
@@ -134,10 +135,15 @@ fn series_record(row: &Row) -> Result<SeriesRecord> {
         doubts: [
             (TransferDoubt::IncompleteTransfer, flag(row, "incomplete_transfer")?),
             (TransferDoubt::InstancesRefused, number::<u32>(row, "held_refusals")? > 0),
+            (TransferDoubt::FormerDecoder, is_of_former_decoder(row, "served_algorithm")?),
         ]
         .into_iter()
         .filter_map(|(doubt, held)| held.then_some(doubt))
         .collect(),
+        instances_sha256: match row.try_get::<Option<&[u8]>, _>("instances_sha256")? {
+            Some(_) => Some(sha256(row, "instances_sha256")?),
+            None => None,
+        },
         expected_instances: maybe_number(row, "expected_instances")?,
         instances: number(row, "instances")?,
         bytes: number(row, "bytes")?,
@@ -234,7 +240,14 @@ fn transfer_doubts(row: &Row) -> Result<Vec<TransferDoubt>> {
     let names = text.split(',').filter(|name| !name.is_empty());
     let doubt =
         |name| TransferDoubt::from_name(name).ok_or_else(|| decode_error("transfer_doubts", "unknown name"));
-    names.map(doubt).collect()
+    let mut doubts: Vec<_> = names.map(doubt).collect::<Result<_>>()?;
+    doubts.extend(is_of_former_decoder(row, "algorithm")?.then_some(TransferDoubt::FormerDecoder));
+    Ok(doubts)
+}
+
+/// Whether the algorithm in that column is of version 0; see `identity.rs`.
+fn is_of_former_decoder(row: &Row, column: &str) -> Result<bool> {
+    Ok(row.try_get::<Option<&str>, _>(column)?.is_some_and(|algorithm| algorithm.ends_with("/0")))
 }
 
 pub(super) fn clinical_choice(row: &Row) -> Result<ClinicalChoice> {
@@ -244,6 +257,35 @@ pub(super) fn clinical_choice(row: &Row) -> Result<ClinicalChoice> {
         chosen_by: row.try_get("chosen_by")?,
         chosen_ms: row.try_get("chosen_ms")?,
     })
+}
+
+/// Where the files of a result lie, and what they must be.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct ResultFiles {
+    /// Prefix of their keys.
+    pub(crate) prefix: String,
+    /// `None`: of release 0.1.
+    pub(crate) seal: Option<Seal>,
+}
+
+/// `None` without a result.
+///
+/// # Errors
+/// [`Error::Unreadable`].
+pub(super) fn result_files(row: &Row) -> Result<Option<ResultFiles>, Error> {
+    let read = || {
+        let Some(prefix) = row.try_get::<Option<String>, _>("result")? else { return Ok(None) };
+        let seal = seal(row.try_get("result_files")?)?;
+        Ok(Some(ResultFiles { prefix, seal }))
+    };
+    readable(read(), "reconstruction", row, "id")
+}
+
+/// The column `result_files`.
+pub(super) fn seal(json: Option<&str>) -> Result<Option<Seal>> {
+    let read =
+        |json| Seal::from_json(json).ok_or_else(|| decode_error("result_files", "no names and hashes"));
+    json.map(read).transpose()
 }
 
 /// # Errors

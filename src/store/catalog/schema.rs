@@ -21,6 +21,9 @@ pub(crate) enum SchemaError {
     /// Pages or indices are not what they must be.
     #[error("the catalog is damaged: {0}")]
     Damaged(String),
+    /// The log beside it is that of another file.
+    #[error("the log beside the catalog is that of another catalog")]
+    ForeignLog,
     /// The database's own error.
     #[error(transparent)]
     Database(#[from] sqlx::Error),
@@ -53,10 +56,7 @@ pub(super) async fn migrate(connection: &mut Connection, may_be_new: bool) -> Re
             .await?;
         tracing::info!(version, "catalog schema migrated");
     }
-    tx.commit().await?;
-    // The schema leaves the log: a catalog that has lost its log still tells that it is not new.
-    sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").execute(connection).await?;
-    Ok(())
+    Ok(tx.commit().await?)
 }
 
 /// The number of the last step.

@@ -2,6 +2,7 @@
 
 use sqlx::Row as _;
 
+use super::clinical::served;
 use super::dialect::{Connection, Row};
 use super::{Catalog, rows};
 use crate::dicom::uid::SeriesInstanceUid;
@@ -13,7 +14,10 @@ macro_rules! select_series {
         concat!(
             "SELECT s.*, e.expected_instances, \
              (SELECT COUNT(DISTINCT r.sop_uid) FROM refused r WHERE r.series_uid = s.series_uid) AS refused_instances, \
-             (SELECT COUNT(*) FROM refused r WHERE r.series_uid = s.series_uid AND r.held) AS held_refusals \
+             (SELECT COUNT(*) FROM refused r WHERE r.series_uid = s.series_uid AND r.held) AS held_refusals, \
+             (SELECT algorithm FROM reconstructions c WHERE c.series_uid = s.series_uid AND ",
+            served!(),
+            ") AS served_algorithm \
              FROM series s LEFT JOIN expectations e ON e.series_uid = s.series_uid ",
             $rest
         )

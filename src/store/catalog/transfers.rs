@@ -278,6 +278,8 @@ pub(super) async fn refresh(connection: &mut Connection, uid: &SeriesInstanceUid
 }
 
 fn joined(doubts: &[TransferDoubt]) -> String {
-    let names: Vec<&str> = doubts.iter().map(|doubt| doubt.name()).collect();
+    // That of the decoder is a reconstruction's own.
+    let of_transfer = doubts.iter().filter(|doubt| **doubt != TransferDoubt::FormerDecoder);
+    let names: Vec<&str> = of_transfer.map(|doubt| doubt.name()).collect();
     names.join(",")
 }

@@ -9,6 +9,7 @@ struct Fixture {
     dir: tempfile::TempDir,
     files: Files,
     bytes: Vec<u8>,
+    seal: Seal,
 }
 
 impl Fixture {
@@ -17,9 +18,11 @@ impl Fixture {
         let dir = tempfile::tempdir().unwrap();
         let files = Files::open(dir.path()).unwrap();
         let bytes: Vec<u8> = (0..150_000_u32).map(|i| (i % 251) as u8).collect();
-        put(&files, "results/r/1/a", &bytes).unwrap();
-        put(&files, "results/r/1/b", b"b").unwrap();
-        Self { dir, files, bytes }
+        let mut seal = Seal::default();
+        seal.add("a".to_owned(), put(&files, "results/r/1/a", &bytes).unwrap());
+        seal.add("b".to_owned(), put(&files, "results/r/1/b", b"b").unwrap());
+        let seal = Seal::from_json(&seal.to_json()).expect("what was written");
+        Self { dir, files, bytes, seal }
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -27,8 +30,7 @@ impl Fixture {
     }
 
     fn open(&self) -> io::Result<HashedFile> {
-        let siblings = ["a", "b"].into_iter().map(str::to_owned);
-        super::open(&self.files, "results/r/1", "a", siblings)
+        super::open(&self.files, "results/r/1", "a", Some(&self.seal))
     }
 
     fn damage(&self) -> Damage {
@@ -88,16 +90,35 @@ fn a_file_or_its_hashes_that_are_gone_short_or_changed_are_damage() {
 }
 
 #[test]
+fn a_file_in_the_place_of_another_one_is_damage_although_its_hashes_came_with_it() {
+    let fixture = Fixture::new();
+    for end in ["", ".blocks"] {
+        fs::copy(fixture.path(&format!("b{end}")), fixture.path(&format!("a{end}"))).unwrap();
+    }
+    assert_eq!(fixture.damage(), Damage::Foreign("a".to_owned()));
+}
+
+#[test]
+fn a_result_of_which_all_hashes_are_gone_is_damaged() {
+    let fixture = Fixture::new();
+    for name in ["a.blocks", "b.blocks"] {
+        fs::remove_file(fixture.path(name)).unwrap();
+    }
+    assert_eq!(fixture.damage(), Damage::Hashes { file: "a".to_owned(), why: "they are missing" });
+}
+
+#[test]
 fn a_result_of_a_release_without_hashes_is_read_as_it_is() {
     let fixture = Fixture::new();
     for name in ["a.blocks", "b.blocks"] {
         fs::remove_file(fixture.path(name)).unwrap();
     }
-    let mut file = fixture.open().unwrap();
+    let open = || super::open(&fixture.files, "results/r/1", "a", None);
+    let mut file = open().unwrap();
     let identity = file.identity().unwrap();
     assert!(file.whole().unwrap() == fixture.bytes);
     fs::write(fixture.path("a"), &fixture.bytes[1..]).unwrap();
-    assert_ne!(fixture.open().unwrap().identity().unwrap(), identity, "a tag names the bytes");
+    assert_ne!(open().unwrap().identity().unwrap(), identity, "a tag names the bytes");
 }
 
 #[test]

@@ -14,7 +14,8 @@ use crate::store::reading::cloud_name;
 use crate::store::records::{ReconstructionId, ReconstructionState, SeriesState};
 use crate::store::stored::parameter_json;
 
-/// `None` if the report is none, or does not say whose it is.
+/// `None` if the report is none, does not say whose it is, or is of a release that wrote a record beside it:
+/// only 0.1 numbered no schema.
 pub(super) async fn record(
     catalog: &Catalog,
     prefix: &str,
@@ -97,6 +98,7 @@ impl Told {
     fn read(prefix: &str, report: &[u8]) -> Option<Self> {
         let id: ReconstructionId = prefix.split('/').nth(1)?.parse().ok()?;
         let report: Value = serde_json::from_slice(report).ok()?;
+        report.get("schema").is_none().then_some(())?;
         let slices = report["slices"].as_array()?;
         let instances =
             slices.iter().filter_map(|row| row["sop_instance_uid"].as_str()?.parse().ok()).collect();

@@ -6,7 +6,8 @@
 //! | noted as removed | it is removed |
 //! | an instance that is not stored | entered: it is what was sent, and its sender may count on it |
 //! | an instance whose row names a blob that is gone, with the same data set | the row names it |
-//! | a result whose reconstruction is unknown | entered from its record, or as far as its report tells |
+//! | a result whose reconstruction is unknown | entered from its record, or, of 0.1, as far as its report tells |
+//! | an instance whose file is not as its header says that it was received | set aside |
 //! | anything else | set aside under `set-aside/`, for so many days and bytes |
 //!
 //! An instance that was never acknowledged because of a crash does no harm when it is entered: its
@@ -17,6 +18,7 @@ mod rebuild;
 mod record;
 
 use std::collections::{BTreeMap, HashSet};
+use std::io;
 use std::sync::Arc;
 
 use serde::Serialize;
@@ -24,8 +26,9 @@ use serde::Serialize;
 use super::blobs::{Aside, Blobs};
 use super::blocking;
 use super::catalog::{Catalog, Columns, Found, NewInstance};
+use super::hashed::{self, Damage, HashedFile, Seal};
 use super::reading::REPORT;
-use super::verify::{fingerprint, image_sha256};
+use super::verify::{fingerprint, image_sha256, is_as_sealed};
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::scan::{self, Encoding, Limits};
 use crate::error::{Error, Result};
@@ -48,12 +51,17 @@ pub struct SetAside {
 pub struct Recovered {
     /// Instances that have a row again.
     pub instances: u64,
+    /// How many of them release 0.1 stored: whether their files are what was received is not known.
+    pub unsealed_instances: u64,
     /// Instances whose row named a blob that was gone.
     pub repaired: u64,
     /// Results that have their row again.
     pub results: u64,
     /// Results of which only the report told: what it does not tell is lost.
     pub from_reports: Vec<String>,
+    /// Files of entered results that are missing or are not what was written, with why: ask for these
+    /// reconstructions again.
+    pub damaged_results: Vec<String>,
     /// Records of operators' clinical choices that can't be read: look which cloud is the clinical one.
     pub unread_choices: Vec<String>,
     /// The others.
@@ -113,14 +121,19 @@ impl Recovery<'_> {
                 Ok((key, instance))
             };
             match blocking(read).await? {
-                (_, Some(instance)) => found.push(instance),
-                (key, None) => self.set_aside(key, "no instance that can be read", recovered).await?,
+                (_, Ok(instance)) => found.push(instance),
+                (key, Err(reason)) => self.set_aside(key, reason, recovered).await?,
             }
         }
-        found.sort_by(|(a, former), (b, latter)| latter.cmp(former).then_with(|| a.blob.cmp(&b.blob)));
-        for (instance, modified_ms) in found {
+        found.sort_by(|a, b| {
+            b.modified_ms.cmp(&a.modified_ms).then_with(|| a.instance.blob.cmp(&b.instance.blob))
+        });
+        for Examined { instance, modified_ms, is_sealed } in found {
             match self.catalog.enter_found(&instance, modified_ms, |blob| all.contains(blob)).await? {
-                Found::Entered => recovered.instances += 1,
+                Found::Entered => {
+                    recovered.instances += 1;
+                    recovered.unsealed_instances += u64::from(!is_sealed);
+                }
                 Found::Repaired => recovered.repaired += 1,
                 Found::Refused(reason) => self.set_aside(instance.blob, reason, recovered).await?,
             }
@@ -136,18 +149,19 @@ impl Recovery<'_> {
         let mut choices = Vec::new();
         // Ids are UUIDv7: the latest comes first.
         for (prefix, keys) in prefixes.into_iter().rev() {
-            let found = match self.blob(format!("{prefix}/{RECORD}")).await {
-                Some(json) => match ResultRecord::from_json(&json) {
-                    Some(record) => {
-                        let found = self.catalog.enter_result(&record, &prefix).await?;
-                        if found == Found::Entered {
-                            choices.extend(record.choices);
+            let found = match self.record(&prefix).await? {
+                Ok(Some(record)) => {
+                    let found = self.catalog.enter_result(&record, &prefix).await?;
+                    if found == Found::Entered {
+                        if let Some(seal) = record.seal() {
+                            recovered.damaged_results.extend(self.damage(&prefix, seal).await?);
                         }
-                        found
+                        choices.extend(record.choices);
                     }
-                    None => Found::Refused("its record can't be read"),
-                },
-                None => self.found_by_report(&prefix, &keys, recovered).await?,
+                    found
+                }
+                Ok(None) => self.found_by_report(&prefix, &keys, recovered).await?,
+                Err(reason) => Found::Refused(reason),
             };
             if found == Found::Entered {
                 self.choices(&prefix, &keys, &mut choices, recovered).await;
@@ -180,12 +194,50 @@ impl Recovery<'_> {
             key.strip_prefix(prefix).is_some_and(|name| ChoiceRecord::is_name(name.trim_start_matches('/')))
         };
         for key in keys.iter().filter(is_choice) {
-            let json = self.blob(key.clone()).await;
+            let name = key.trim_start_matches(prefix).trim_start_matches('/').to_owned();
+            let (blobs, place) = (Arc::clone(&self.blobs), prefix.to_owned());
+            let read = move || Ok(hashed::open_untied(&*blobs, &place, &name).and_then(HashedFile::whole));
+            let json = blocking(read).await.ok().and_then(io::Result::ok);
             match json.as_deref().and_then(ChoiceRecord::from_json) {
                 Some(record) => choices.push(record.choice),
                 None => recovered.unread_choices.push(key.clone()),
             }
         }
+    }
+
+    /// The record beside a result; `None` if there is none; or why it can't be used.
+    async fn record(&self, prefix: &str) -> Result<Result<Option<ResultRecord>, &'static str>> {
+        let (blobs, place) = (Arc::clone(&self.blobs), prefix.to_owned());
+        let read = move || Ok(hashed::open_untied(&*blobs, &place, RECORD).and_then(HashedFile::whole));
+        let json = match blocking(read).await? {
+            Ok(json) => json,
+            Err(error) => match Damage::of(&error) {
+                Some(Damage::Missing(_)) => return Ok(Ok(None)),
+                Some(_) => return Ok(Err("its record is damaged")),
+                None => return Err(error.into()),
+            },
+        };
+        Ok(match ResultRecord::from_json(&json) {
+            Some(record) if record.is_of(prefix) => Ok(Some(record)),
+            Some(_) => Err("its record is that of another result"),
+            None => Err("its record can't be read"),
+        })
+    }
+
+    /// The files of a result that are missing or are not what was written, with why.
+    async fn damage(&self, prefix: &str, seal: Seal) -> Result<Vec<String>> {
+        let (blobs, prefix) = (Arc::clone(&self.blobs), prefix.to_owned());
+        blocking(move || {
+            let mut damaged = Vec::new();
+            for name in seal.names() {
+                let checked = hashed::open(&*blobs, &prefix, name, Some(&seal)).and_then(HashedFile::check);
+                if let Err(error) = checked {
+                    damaged.push(format!("{prefix}/{name}: {error}"));
+                }
+            }
+            Ok(damaged)
+        })
+        .await
     }
 
     /// A result of a version that wrote no records.
@@ -201,7 +253,7 @@ impl Recovery<'_> {
         let (blobs, key) = (Arc::clone(&self.blobs), format!("{prefix}/{REPORT}"));
         let written_ms = blocking(move || Ok(blobs.modified_ms(&key)?)).await?;
         let Some(record) = from_report::record(self.catalog, prefix, &report, keys, written_ms).await? else {
-            return Ok(Found::Refused("its report can't be read"));
+            return Ok(Found::Refused("no record, and no report of a release that wrote none"));
         };
         let found = self.catalog.enter_result(&record, prefix).await?;
         if found == Found::Entered {
@@ -223,13 +275,28 @@ impl Recovery<'_> {
     }
 }
 
-/// What the blob of an instance is, and when it was written; `None` if it is no instance.
-fn examine(blobs: &dyn Blobs, key: &str) -> std::io::Result<Option<(NewInstance, i64)>> {
+/// The blob of an instance.
+struct Examined {
+    instance: NewInstance,
+    /// When it was written, Unix ms.
+    modified_ms: i64,
+    /// Whether it tells that it is what was received; release 0.1 wrote nothing that would.
+    is_sealed: bool,
+}
+
+/// What the blob of an instance is; or why it is none that can be entered.
+fn examine(blobs: &dyn Blobs, key: &str) -> io::Result<Result<Examined, &'static str>> {
+    const UNREADABLE: &str = "no instance that can be read";
+    const CHANGED: &str = "its bytes are not what was received (SHA-256): send this instance again";
     let bytes = blobs.read(key)?;
+    let Some(data_set_sha256) = fingerprint(&bytes) else { return Ok(Err(UNREADABLE)) };
+    let sealed = is_as_sealed(&bytes, data_set_sha256);
+    if sealed == Some(false) {
+        return Ok(Err(CHANGED));
+    }
     let scanned = scan::scan(std::io::Cursor::new(&bytes), &Encoding::Part10, &Limits::default());
-    let Ok(scan) = scanned else { return Ok(None) };
+    let Ok(scan) = scanned else { return Ok(Err(UNREADABLE)) };
     let header: InstanceHeader = scan.header;
-    let Some(data_set_sha256) = fingerprint(&bytes) else { return Ok(None) };
     let instance = NewInstance {
         header,
         blob: key.to_owned(),
@@ -237,5 +304,5 @@ fn examine(blobs: &dyn Blobs, key: &str) -> std::io::Result<Option<(NewInstance,
         data_set_sha256,
         image_sha256: image_sha256(&bytes),
     };
-    Ok(Some((instance, blobs.modified_ms(key)?)))
+    Ok(Ok(Examined { instance, modified_ms: blobs.modified_ms(key)?, is_sealed: sealed.is_some() }))
 }

@@ -37,12 +37,13 @@ pub struct Rebuilt {
 const LOST: &[&str] = &[
     "reconstructions that waited or ran, failed without a report, or were cancelled: ask for them again",
     "numbers of expected instances that no result was stored after",
-    "refusals of instances",
+    "refusals of instances that no result was stored after",
     "changes of a reconstruction after its result was stored, but for being superseded and chosen",
     "what was said of a series after its last result was stored (a broken transfer, a word that it is complete)",
     "of series that no result was made from, or that have other instances now, how they were completed: they \
      carry the doubt incomplete_transfer until a sender or a word completes them",
     "when identities were corrected before, and in what (the identities themselves are those of the files)",
+    "of instances that version 0.1 stored, whether their files are what was received",
     "of results of version 0.1: attempts, the time of their request to the millisecond, and of earlier \
      revisions the set of instances (their revision is 0)",
 ];

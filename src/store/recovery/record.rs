@@ -5,6 +5,7 @@ use uuid::Uuid;
 
 use crate::error::{Error, Result};
 use crate::store::catalog::Columns;
+use crate::store::hashed::Seal;
 
 /// Name of the record's blob within a result.
 pub(in crate::store) const RECORD: &str = "record.json";
@@ -31,6 +32,9 @@ pub(crate) struct ResultRecord {
     /// What operators had chosen to be the series' clinical one, oldest first.
     #[serde(default)]
     pub(crate) choices: Vec<Columns>,
+    /// The instances of the series that had been refused.
+    #[serde(default)]
+    pub(crate) refused: Vec<Columns>,
 }
 
 /// An operator's choice, beside the results that it makes clinical or takes that from.
@@ -69,13 +73,27 @@ impl ChoiceRecord {
 
 impl ResultRecord {
     /// With what else is known of the series.
-    pub(crate) fn with(self, expected_instances: Option<i64>, choices: Vec<Columns>) -> Self {
-        Self { expected_instances, choices, ..self }
+    pub(crate) fn with(
+        self,
+        expected_instances: Option<i64>,
+        choices: Vec<Columns>,
+        refused: Vec<Columns>,
+    ) -> Self {
+        Self { expected_instances, choices, refused, ..self }
     }
 
     pub(crate) fn new(schema: i64, reconstruction: Columns, series: Columns, instances: Vec<String>) -> Self {
-        let (expected_instances, choices) = (None, Vec::new());
-        Self { format: FORMAT, schema, reconstruction, series, instances, expected_instances, choices }
+        let (expected_instances, choices, refused) = (None, Vec::new(), Vec::new());
+        Self {
+            format: FORMAT,
+            schema,
+            reconstruction,
+            series,
+            instances,
+            expected_instances,
+            choices,
+            refused,
+        }
     }
 
     pub(crate) fn to_json(&self) -> Result<Vec<u8>> {
@@ -85,5 +103,16 @@ impl ResultRecord {
     /// `None` if the bytes are no record that this version reads.
     pub(crate) fn from_json(json: &[u8]) -> Option<Self> {
         serde_json::from_slice(json).ok().filter(|record: &Self| record.format <= FORMAT)
+    }
+
+    /// What the files of the result must be; `None`: a result of release 0.1, or no names and hashes.
+    pub(in crate::store) fn seal(&self) -> Option<Seal> {
+        self.reconstruction.get("result_files")?.as_str().and_then(Seal::from_json)
+    }
+
+    /// Whether it is that of the result at `prefix`: `results/<id>/<fence>`.
+    pub(in crate::store) fn is_of(&self, prefix: &str) -> bool {
+        let id = self.reconstruction.get("id").and_then(|id| id.as_str());
+        id.is_some() && prefix.split('/').nth(1) == id
     }
 }

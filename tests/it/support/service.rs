@@ -14,6 +14,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Settings {
     environment: Vec<(String, String)>,
+    without_override: bool,
 }
 
 impl Settings {
@@ -34,9 +35,19 @@ impl Settings {
         self
     }
 
+    /// Root's right to read and write whatever it likes is taken from it (`setpriv` of util-linux).
+    pub(crate) fn without_override(self) -> Self {
+        Self { without_override: true, ..self }
+    }
+
     /// `triplanar serve` with these settings on this data directory.
     pub(crate) fn command(&self, data_dir: &Path) -> Command {
         let mut command = triplanar();
+        if self.without_override {
+            let program = command.get_program().to_owned();
+            command = without_settings(Command::new("setpriv"));
+            command.args(["--bounding-set", "-dac_override,-dac_read_search", "--"]).arg(program);
+        }
         command.arg("serve").envs(self.environment.iter().cloned());
         command.env("TRIPLANAR_STORAGE__DATA_DIR", toml_text(data_dir));
         command
@@ -77,7 +88,10 @@ impl Settings {
 
 /// The binary, with no setting from the environment of the test.
 pub(crate) fn triplanar() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_triplanar"));
+    without_settings(Command::new(env!("CARGO_BIN_EXE_triplanar")))
+}
+
+fn without_settings(mut command: Command) -> Command {
     for (name, _) in std::env::vars_os() {
         if name.to_string_lossy().starts_with("TRIPLANAR_") {
             command.env_remove(name);
