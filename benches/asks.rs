@@ -14,7 +14,8 @@ use std::time::{Duration, Instant};
 
 use triplanar::dicom::series::ReadLimits;
 use triplanar::dicom::source::InstanceSource;
-use triplanar::pipeline::{Observer, Parameters, Profile, Silent, Stage};
+use triplanar::observer::{Observer, Silent, Stage};
+use triplanar::pipeline::{Parameters, Profile};
 use triplanar::reconstruction::{run, run_with_pictures};
 
 /// Shorter ones are not looked at.

@@ -22,6 +22,7 @@
 //! | [`phantom`] | a synthetic head CT whose skin is known exactly |
 //! | [`cli`] | the command line |
 //! | [`error`] | what can be refused, and its one mapping to DIMSE status and problem+json |
+//! | [`observer`] | watches what takes long, and stops it |
 //! | [`memory`] | the one budget of memory for jobs, decoding and answers |
 //! | [`telemetry`] | metrics and log set-up |
 //! | [`service`] | starts all of it, stops all of it |
@@ -45,6 +46,8 @@ pub mod http;
 pub mod intake;
 pub mod jobs;
 pub mod memory;
+mod named;
+pub mod observer;
 pub mod phantom;
 pub mod pipeline;
 pub mod reconstruction;

@@ -4,9 +4,10 @@ use std::io::Cursor;
 
 use super::Intake;
 use crate::dicom::content_digest;
+use crate::dicom::identity::IdentityField;
 use crate::dicom::scan::{Encoding, scan};
 use crate::error::{Error, Result};
-use crate::store::{IdentityField, InstanceRecord, NewInstance, blocking};
+use crate::store::{InstanceRecord, NewInstance, blocking};
 
 /// What a stored instance is to one with its UID that came now.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use rayon::slice::ParallelSliceMut;
 
-use super::stop::{Asked, Stopped, unless_stopped};
+use crate::observer::stop::{Asked, Stopped, unless_stopped};
 
 /// Cells in the order z, y, x.
 type Cell = [i64; 3];

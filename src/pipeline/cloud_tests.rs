@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use proptest::prelude::*;
 
 use super::cells::squared_distance;
-use super::observer::Silent;
 use super::parameters::{RadiusOutlier, StatisticalOutlier};
 use super::unique::unique;
 use super::voxel_grid::voxel_grid;
 use super::{radius_outlier, statistical_outlier};
 use crate::cloud::PointCloud;
 use crate::geometry::PlaneSet;
+use crate::observer::Silent;
 
 /// Points on a lattice of 0.25 mm, so that distances fall exactly on the limits.
 fn points(most: usize) -> impl Strategy<Value = Vec<[f32; 3]>> {

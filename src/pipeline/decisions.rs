@@ -8,13 +8,13 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use super::bitmap::Bitmap;
 use super::contour::{Pixel, outline};
 use super::mask;
-use super::observer::{Observer, Stage};
 use super::outcome::{PipelineError, SliceRow};
 use super::parameters::Parameters;
 use super::rejection::{Reason, Rejection};
 use super::rules::{CarriedArea, Findings};
 use super::slices;
 use crate::geometry::Plane;
+use crate::observer::{Observer, Stage};
 
 /// A row for every slice, and the contours of the accepted ones.
 #[derive(Debug, Clone, Default, PartialEq)]

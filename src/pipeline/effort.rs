@@ -2,9 +2,9 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::observer::{Observer, Silent};
 use super::outcome::PipelineError;
-use super::stop::Asked;
+use crate::observer::stop::Asked;
+use crate::observer::{Observer, Silent};
 
 /// The observer is asked once for so many tests of a distance: some 0.1 to 10 ms of one thread.
 const TESTS_BETWEEN_ASKS: u64 = 1 << 16;

@@ -2,9 +2,9 @@
 
 use super::decisions::Decisions;
 use super::slices;
-use super::stop::Asked;
 use crate::cloud::PointCloud;
 use crate::geometry::{Grid, Plane, PlaneSet};
+use crate::observer::stop::Asked;
 
 /// The raw cloud of each plane, LPS mm, in the order of [`Plane::ALL`]: the pixels of the accepted
 /// contours, each at its voxel's true place ([`Grid::lps`], computed in double precision).

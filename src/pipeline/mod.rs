@@ -33,7 +33,6 @@ pub mod decisions;
 mod effort;
 pub mod lift;
 pub mod mask;
-mod observer;
 mod outcome;
 mod paper;
 pub mod parameters;
@@ -45,7 +44,6 @@ mod rejection;
 pub mod rules;
 pub mod slices;
 pub mod statistical_outlier;
-pub(crate) mod stop;
 #[cfg(test)]
 mod tests;
 mod thresholds;
@@ -54,7 +52,6 @@ pub mod voxel_grid;
 mod whole_skin;
 
 pub use bitmap::Bitmap;
-pub use observer::{Observer, Silent, Stage};
 pub use outcome::{Contours, Decision, Figures, PipelineError, Reconstruction, SliceRow};
 pub use parameters::{Parameters, Profile};
 pub(crate) use picture::{COLOURS, Mark, Sketch, WINDOW, draw, grey, marks_of_plane};

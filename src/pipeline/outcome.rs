@@ -4,13 +4,13 @@ use serde::{Deserialize, Serialize};
 
 use super::contour::Pixel;
 use super::effort::Effort;
-use super::observer::Observer;
 use super::precise::{BorderPoint, NoSkin, Quality, Stretch};
 use super::rejection::Rejection;
-use super::stop::Stopped;
 use super::unique::unique_within;
 use crate::cloud::PointCloud;
 use crate::geometry::Plane;
+use crate::observer::Observer;
+use crate::observer::stop::Stopped;
 
 /// Clouds, figures and a row for every slice, of one run of the pipeline.
 #[derive(Debug, Clone)]

@@ -3,14 +3,14 @@
 use super::contour::Pixel;
 use super::decisions::{Decisions, decide};
 use super::lift::{lift_asking, outside_axial_box};
-use super::observer::{Observer, Stage};
 use super::outcome::{Contours, Figures, PipelineError, Reconstruction, count};
 use super::parameters::Parameters;
-use super::stop::Asked;
 use super::voxel_grid::voxel_grid_asking;
 use super::{radius_outlier, statistical_outlier};
 use crate::cloud::PointCloud;
 use crate::dicom::Volume;
+use crate::observer::stop::Asked;
+use crate::observer::{Observer, Stage};
 
 /// Reconstructs the skin surface of a head from a CT volume (paper, section 2).
 ///

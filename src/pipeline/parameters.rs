@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::precise::QualityLimits;
 use super::thresholds::Thresholds;
+use crate::observer::Stage;
 
 /// Which pipeline runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize, utoipa::ToSchema)]
@@ -40,6 +41,18 @@ impl Profile {
         match self {
             Self::Paper => 4,
             Self::Precise => 13,
+        }
+    }
+
+    /// The stages of a reconstruction with this profile, in their order.
+    #[must_use]
+    pub fn stages(self) -> &'static [Stage] {
+        use Stage::{
+            Axial, Coronal, Crossings, Downsampling, Outliers, Outside, Patient, Reading, Sagittal, Writing,
+        };
+        match self {
+            Self::Paper => &[Reading, Axial, Sagittal, Coronal, Downsampling, Outliers, Writing],
+            Self::Precise => &[Reading, Patient, Outside, Crossings, Downsampling, Writing],
         }
     }
 

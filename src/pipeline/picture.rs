@@ -9,10 +9,10 @@ use super::outcome::{Contours, Reconstruction};
 use super::parameters::Parameters;
 use super::precise::{BorderPoint, StretchReason};
 use super::slices;
-use super::stop::Asked;
 use super::whole_skin::slice_of;
 use crate::dicom::Volume;
 use crate::geometry::{Axis, Plane, norm};
+use crate::observer::stop::Asked;
 
 /// Colour of an accepted contour.
 const ACCEPTED: Rgb<u8> = Rgb([0, 255, 0]);

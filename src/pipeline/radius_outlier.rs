@@ -4,9 +4,9 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::cells::{Cells, squared_distance};
 use super::effort::{Effort, MOST_TESTS};
-use super::observer::Observer;
 use super::outcome::PipelineError;
 use super::parameters::RadiusOutlier;
+use crate::observer::Observer;
 
 /// What looking for the cells around a place costs, in tests of a distance: two bisections for each
 /// of nine rows.

@@ -1,11 +1,11 @@
 //! One door for all profiles.
 
-use super::observer::Observer;
 use super::outcome::{PipelineError, Reconstruction};
 use super::parameters::{Parameters, Profile};
-use super::stop::unless_stopped;
 use super::{paper, whole_skin};
 use crate::dicom::Volume;
+use crate::observer::Observer;
+use crate::observer::stop::unless_stopped;
 
 /// Reconstructs the skin surface of a head from a CT volume, as the parameters' profile does it.
 ///

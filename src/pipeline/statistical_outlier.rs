@@ -7,9 +7,9 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use super::effort::Effort;
-use super::observer::Observer;
 use super::outcome::PipelineError;
 use super::parameters::StatisticalOutlier;
+use crate::observer::Observer;
 
 /// Whether each point is kept: its mean distance to the nearest others does not exceed mean +
 /// `deviations` · sample standard deviation of these means over all points.

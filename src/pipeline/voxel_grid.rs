@@ -2,9 +2,9 @@
 
 use rayon::slice::ParallelSliceMut;
 
-use super::stop::Asked;
 use crate::cloud::PointCloud;
 use crate::geometry::PlaneSet;
+use crate::observer::stop::Asked;
 
 /// Cells in the order z, y, x, so that x runs fastest.
 type Cell = [i64; 3];

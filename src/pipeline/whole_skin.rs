@@ -3,16 +3,16 @@
 
 use std::collections::HashMap;
 
-use super::observer::{Observer, Silent};
 use super::outcome::{Contours, Figures, PipelineError, Reconstruction, SliceRow, count};
 use super::parameters::Parameters;
 use super::precise::{self, BorderPoint, NoSkin, QualityLimits, SkinPoint, SliceContour, Stretch};
 use super::rejection::{Reason, Rejection};
 use super::slices;
-use super::stop::Asked;
 use crate::cloud::PointCloud;
 use crate::dicom::Volume;
 use crate::geometry::Plane;
+use crate::observer::stop::Asked;
+use crate::observer::{Observer, Silent};
 
 /// # Errors
 /// [`PipelineError::NoSkin`] or [`PipelineError::EmptyCloud`] with a row for every slice if there is

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::crossings::Crossing;
 use super::cubes::Cubes;
 use crate::geometry::{Vec3, add, cross, dot, normalised, scale, sub};
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// How far around a point its neighbours are taken, mm.
 const REACH_MM: f64 = 2.0;

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::outside::{CANAL, ENCLOSED, OPEN, SOLID};
 use super::survey::Cells;
 use crate::geometry::{Vec3, add, scale};
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// How far beyond the ball's reach a fold is still skin, mm.
 const FOLD_MM: f64 = 6.0;

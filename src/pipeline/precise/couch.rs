@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::kinds::{BALL_MM, Cell};
 use super::reach::within;
 use super::survey::Survey;
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// A column along the table counts as filled if this share of it is.
 const SHARE: f64 = 0.97;

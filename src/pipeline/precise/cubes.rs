@@ -5,7 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::geometry::Vec3;
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// Bits for the cube's index along each axis.
 const BITS: u32 = 21;

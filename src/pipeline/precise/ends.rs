@@ -10,7 +10,7 @@ use super::levels::Levels;
 use super::space::Space;
 use crate::dicom::Volume;
 use crate::geometry::Grid;
-use crate::pipeline::Observer;
+use crate::observer::Observer;
 
 /// A vertex is rounder than a ball of this radius, mm: a slice next to an empty one that shows more tissue
 /// than such a ball's cap between the two cuts the patient.

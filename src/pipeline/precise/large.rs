@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::pieces::Pieces;
 use super::reach::within;
 use super::survey::Cells;
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// Ears, nose and jaw are smaller: diagonal of the box, mm.
 pub(super) const LARGEST_PART_MM: f64 = 95.0;

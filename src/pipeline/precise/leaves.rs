@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::crossings::Crossing;
 use super::cubes::{groups, key, sorted};
 use crate::geometry::{PlaneSet, add, dot, scale, sub};
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// The crossing that stands for a leaf.
 #[derive(Debug, Clone, Copy)]

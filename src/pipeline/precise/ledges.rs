@@ -195,7 +195,7 @@ mod tests {
     use super::super::crossings::Crossing;
     use super::*;
     use crate::geometry::{PlaneSet, normalised};
-    use crate::pipeline::stop::Asked;
+    use crate::observer::stop::Asked;
 
     /// A flat skin of 240 mm with something on it that is so high at x, y.
     fn with(height: impl Fn(f64, f64) -> f64) -> Surface<'static> {

@@ -8,7 +8,7 @@ use super::levels::Levels;
 use super::reach::within;
 use super::space::{Space, nearest};
 use super::survey::{Cells, Survey};
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// What is so near the border of the field of view meets it, in cells: a cell upon it holds a mixture.
 const AT_BORDER: f64 = 2.0;

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::geometry::Vec3;
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// Coarsest level: cells of 2⁷ leaves.
 const COARSEST: u32 = 7;

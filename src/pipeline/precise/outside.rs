@@ -10,7 +10,7 @@ use super::pieces::Pieces;
 use super::reach::within;
 use super::survey::Cells;
 use crate::geometry::{Vec3, add, scale};
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// The ball that air outside lets pass, mm.
 const BALL_MM: f64 = 4.0;

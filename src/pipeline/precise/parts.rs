@@ -13,7 +13,7 @@ use super::kinds::Cell;
 use super::large::{Bounds, LARGEST_PART_MM, are_large};
 use super::pieces::Pieces;
 use super::survey::Cells;
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// Ears and noses reach no further from the body, mm.
 const FURTHEST_MM: f64 = 45.0;

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::rows::{Rows, next};
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// A stretch of marked cells on one row.
 #[derive(Debug, Clone, Copy)]

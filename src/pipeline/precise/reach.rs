@@ -5,7 +5,7 @@ use std::iter;
 use rayon::prelude::*;
 
 use super::rows::{Rows, WORD};
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// Whether a marked cell lies within the square root of `limit` cells of each cell, from centre to
 /// centre. `shape` is `[nx, ny, nz]`, x fastest.

@@ -25,8 +25,8 @@ use super::width::Width;
 use super::{assess, ends, order, plateau};
 use crate::dicom::Volume;
 use crate::geometry::{Plane, PlaneSet, Vec3};
-use crate::pipeline::stop::unless_stopped;
-use crate::pipeline::{Observer, Stage};
+use crate::observer::stop::unless_stopped;
+use crate::observer::{Observer, Stage};
 
 /// Less soft tissue within bone than this is no head, cm³.
 const LEAST_BRAIN_CM3: f64 = 200.0;

@@ -7,7 +7,7 @@ use super::candidates::Candidate;
 use super::cubes::{Cubes, groups};
 use super::levels::Levels;
 use super::width::Width;
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// Edge of a region, mm.
 const EDGE_MM: f64 = 5.0;

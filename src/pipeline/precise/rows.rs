@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// Bits in a word.
 pub(super) const WORD: usize = u64::BITS as usize;

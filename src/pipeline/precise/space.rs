@@ -2,8 +2,8 @@
 //! a place.
 
 use crate::geometry::{Axis, Grid, Vec3, add, cross, dot, norm, normalised, scale, sub};
-use crate::pipeline::Observer;
-use crate::pipeline::stop::Asked;
+use crate::observer::Observer;
+use crate::observer::stop::Asked;
 
 /// Read access to a volume by voxel, by fractional index and by place in LPS mm.
 ///

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::crossings::Crossing;
 use super::cubes::{Cubes, groups, key, sorted};
 use crate::geometry::{Vec3, add, dot, norm, normalised, scale, sub};
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 
 /// Nodes are linked with those no further away than so many leaves.
 const REACH: f64 = 2.4;

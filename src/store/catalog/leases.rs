@@ -10,7 +10,7 @@ use sqlx::Row as _;
 use super::queue::milliseconds;
 use super::{Catalog, Transaction, now_ms, reconstructions, recovery, rows};
 use crate::error::{Error, Result};
-use crate::pipeline::Stage;
+use crate::observer::Stage;
 use crate::store::queue::{Fault, Heartbeat, Lease, Reclaim};
 use crate::store::records::{ReconstructionId, ReconstructionRecord};
 use crate::store::recovery::ResultRecord;

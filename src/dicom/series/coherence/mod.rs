@@ -32,7 +32,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::pipeline::Observer;
+use crate::observer::Observer;
 
 use patches::Patch;
 pub(super) use stack::Stack;

@@ -10,7 +10,7 @@
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-use super::observer::Observer;
+use super::Observer;
 
 /// What a step that stops unwinds with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,11 +1,9 @@
-//! How a running reconstruction tells how far it is, and is told to stop.
+//! The stages of a reconstruction.
 
 use serde::{Deserialize, Serialize};
 
-use super::parameters::Profile;
-
 /// A stage of a reconstruction, in the order in which they run; each profile has its own of them
-/// ([`Profile::stages`]).
+/// ([`crate::pipeline::Profile::stages`]).
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema,
 )]
@@ -64,36 +62,4 @@ impl Stage {
             Self::Writing => "writing",
         }
     }
-}
-
-impl Profile {
-    /// The stages of a reconstruction with this profile, in their order.
-    #[must_use]
-    pub fn stages(self) -> &'static [Stage] {
-        use Stage::{
-            Axial, Coronal, Crossings, Downsampling, Outliers, Outside, Patient, Reading, Sagittal, Writing,
-        };
-        match self {
-            Self::Paper => &[Reading, Axial, Sagittal, Coronal, Downsampling, Outliers, Writing],
-            Self::Precise => &[Reading, Patient, Outside, Crossings, Downsampling, Writing],
-        }
-    }
-}
-
-/// Watches a reconstruction from outside. Called from several threads.
-pub trait Observer: Sync {
-    /// `fraction` of `stage` is done, 0 to 1.
-    fn progress(&self, stage: Stage, fraction: f64);
-    /// Whether the work should stop now; asked at least once a slice.
-    fn cancelled(&self) -> bool {
-        false
-    }
-}
-
-/// Nobody watches.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Silent;
-
-impl Observer for Silent {
-    fn progress(&self, _: Stage, _: f64) {}
 }
