@@ -7,9 +7,8 @@ use triplanar::dicom::Volume;
 use triplanar::dicom::series::{ReadLimits, read};
 use triplanar::observer::{Observer, Silent, Stage};
 use triplanar::phantom::{Options, Phantom};
-use triplanar::pipeline::{
-    Parameters, PipelineError, Profile, radius_outlier, reconstruct, statistical_outlier,
-};
+use triplanar::pipeline::paper::{radius_outlier, statistical_outlier};
+use triplanar::pipeline::{Parameters, PipelineError, Profile, reconstruct};
 
 use crate::support::instances::InMemory;
 

@@ -2,8 +2,8 @@
 
 use triplanar::geometry::Plane;
 use triplanar::observer::Silent;
-use triplanar::pipeline::contour::Pixel;
-use triplanar::pipeline::decisions::{Decisions, decide};
+use triplanar::pipeline::paper::decisions::{Decisions, decide};
+use triplanar::pipeline::slices::Pixel;
 use triplanar::pipeline::{Parameters, SliceRow};
 
 use crate::support::published::{Published, SERIES, Slice};

@@ -53,6 +53,7 @@ mod plateau;
 mod quality;
 mod reach;
 mod reconstruct;
+pub(crate) mod reconstruction;
 mod regions;
 mod rows;
 mod sheets;
