@@ -1,8 +1,9 @@
 //! What the profile gives: points of skin, or the reason why there are none.
 
-use super::crossings::Crossing;
-use super::quality::Quality;
-use super::stretches::{SliceContour, StretchReason, across};
+use super::border::crossing::Crossing;
+use super::reason::StretchReason;
+use super::report::quality::Quality;
+use super::report::stretches::{SliceContour, across};
 use crate::geometry::{Plane, PlaneSet, Vec3};
 
 /// A measured point of the skin.
@@ -19,7 +20,7 @@ pub struct SkinPoint {
 }
 
 impl SkinPoint {
-    pub(super) fn of(crossing: &Crossing, normal: Vec3, error: f64, planes: PlaneSet) -> Self {
+    pub(crate) fn of(crossing: &Crossing, normal: Vec3, error: f64, planes: PlaneSet) -> Self {
         let single = |v: Vec3| v.map(|v| v as f32);
         Self { place: single(crossing.place), normal: single(normal), error: error as f32, planes }
     }
@@ -57,7 +58,7 @@ pub struct BorderPoint {
 
 impl Skin {
     /// Counts the slices across an axis `[z, y, x]` of the volume from so many before the first.
-    pub(super) fn count_from(&mut self, axis: usize, before: usize) {
+    pub(crate) fn count_from(&mut self, axis: usize, before: usize) {
         for slice in self.slices.iter_mut().filter(|slice| across(slice.plane) == axis) {
             slice.index += before;
         }

@@ -1,0 +1,4 @@
+//! One point for each leaf, the coarse ones first.
+
+pub(crate) mod leaves;
+pub(crate) mod order;

@@ -1,0 +1,6 @@
+//! What a user is told: the quality of the result, and the stretches of every slice.
+
+pub(crate) mod assess;
+pub(crate) mod quality;
+pub(crate) mod sides;
+pub(crate) mod stretches;
