@@ -19,6 +19,7 @@ mod cloud;
 mod confidence;
 mod grid;
 mod labels;
+mod no_skin;
 mod reason;
 pub(crate) mod reconstruction;
 mod report;
@@ -27,12 +28,15 @@ mod run;
 mod scan;
 mod skin;
 
+pub use cloud::point::SkinPoint;
+pub use no_skin::NoSkin;
 pub use reason::StretchReason;
+pub use report::border::BorderPoint;
 pub use report::quality::{Doubt, Missing, Quality, QualityLimits, SideQuality, Verdict};
 pub use report::sides::Side;
 pub use report::stretches::{SliceContour, Stretch};
 pub use run::reconstruct;
-pub use skin::{BorderPoint, NoSkin, Skin, SkinPoint};
+pub use skin::Skin;
 
 #[cfg(test)]
 mod tests;

@@ -34,7 +34,7 @@ pub(crate) fn reconstruct(
     };
     let mut result = Reconstruction {
         triplanar: cloud(&skin.points),
-        uniplanar: Plane::ALL.map(|plane| cloud(skin.of(plane))),
+        uniplanar: Plane::ALL.map(|plane| cloud(skin.in_plane(plane))),
         figures: Figures { raw: skin.measured, ..Figures::default() },
         slices: rows(asked, shape, &skin.slices, &skin.border),
         quality: Some(skin.quality),

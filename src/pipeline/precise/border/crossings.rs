@@ -12,9 +12,9 @@ use super::rejected::Rejected;
 use super::split::parted;
 use crate::geometry::{Axis, Plane, PlaneSet, Vec3, cross, dot, normalised};
 use crate::pipeline::precise::reason::StretchReason;
+use crate::pipeline::precise::scan::Scan;
 use crate::pipeline::precise::scan::edge_spread::EdgeSpread;
 use crate::pipeline::precise::scan::field_of_view;
-use crate::pipeline::precise::scan::levels::Levels;
 use crate::pipeline::precise::scan::sampler::Sampler;
 
 /// An edge that the fit puts further than this from the middle of its two voxels is not seen there,
@@ -23,15 +23,15 @@ const FURTHEST: f64 = 2.0;
 
 /// Measures each candidate; and those whose edge is not seen where it should be.
 pub(crate) fn measure(
-    sampler: &Sampler,
-    levels: &Levels,
-    width: &EdgeSpread,
-    regions: &LocalLevels,
+    scan: &Scan<'_>,
+    edge_spread: &EdgeSpread,
+    local: &LocalLevels,
     candidates: &[Candidate],
 ) -> (Vec<Crossing>, Vec<Rejected>) {
+    let Scan { sampler, levels, .. } = scan;
     let steep = Steep::new(sampler);
     let (usual_air, usual_decline) = rayon::join(
-        || median((0..candidates.len()).map(|i| regions.levels(i).1)),
+        || median((0..candidates.len()).map(|i| local.levels(i).1)),
         || median(candidates.iter().map(|c| c.decline)),
     );
     let crossing = |(i, c): (usize, &Candidate)| {
@@ -45,11 +45,11 @@ pub(crate) fn measure(
             limit,
         };
         sampler.ask_at(i);
-        let (tissue, air) = regions.levels(i);
+        let (tissue, air) = local.levels(i);
         let contrast = f64::from(tissue - air);
         let step = sampler.mean_step(usize::from(c.axis));
         let across = dot(c.normal, step).abs();
-        let sigma = width.along(c.normal);
+        let sigma = edge_spread.along(c.normal);
         let profile = Profile {
             shares: profile(sampler, c).map(|v| f64::from(v - air) / contrast),
             slope: across / sigma,

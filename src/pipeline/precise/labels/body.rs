@@ -12,6 +12,7 @@ use crate::pipeline::precise::grid::bit_rows::BitRows;
 use crate::pipeline::precise::grid::cells::Cells;
 use crate::pipeline::precise::grid::pieces::Pieces;
 use crate::pipeline::precise::grid::reach::within;
+use crate::pipeline::precise::scan::Scan;
 use crate::pipeline::precise::scan::levels::Levels;
 use crate::pipeline::precise::scan::sampler::{Sampler, nearest};
 use crate::pipeline::precise::scan::survey::Survey;
@@ -70,7 +71,8 @@ impl OwnTissue {
 
 impl Body {
     /// Finds the body; `None` if nothing in the scan is thick enough to be one.
-    pub(super) fn find(sampler: &Sampler, levels: &Levels, survey: &Survey, pieces: Pieces) -> Option<Self> {
+    pub(super) fn find(scan: &Scan<'_>, survey: &Survey, pieces: Pieces) -> Option<Self> {
+        let Scan { sampler, levels, .. } = scan;
         let cells = survey.cells;
         let mut labels = tissue(survey, levels);
         sampler.ask();

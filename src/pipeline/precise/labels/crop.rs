@@ -6,9 +6,7 @@ use crate::geometry::Vec3;
 use crate::pipeline::precise::grid::cells::Cells;
 use crate::pipeline::precise::grid::pieces::Pieces;
 use crate::pipeline::precise::grid::reach::within;
-use crate::pipeline::precise::scan::field_of_view::FieldOfView;
-use crate::pipeline::precise::scan::levels::Levels;
-use crate::pipeline::precise::scan::sampler::Sampler;
+use crate::pipeline::precise::scan::Scan;
 use crate::pipeline::precise::scan::survey::{Survey, whole};
 
 /// Edge of the cells of the first look, mm; larger where the scan is.
@@ -24,9 +22,10 @@ const ROOM_MM: f64 = 45.0;
 
 /// The box of the patient with some room, LPS mm, not beyond the scan and its margin; the whole
 /// scan if nothing in it is thick.
-pub(crate) fn bounds(sampler: &Sampler, field: &FieldOfView, levels: &Levels) -> [Vec3; 2] {
+pub(crate) fn bounds(scan: &Scan<'_>) -> [Vec3; 2] {
+    let Scan { sampler, levels, field_of_view, .. } = scan;
     let all = whole(sampler);
-    let survey = Survey::of(sampler, field, Cells::over(all, EDGE_MM));
+    let survey = Survey::of(sampler, field_of_view, Cells::over(all, EDGE_MM));
     let cells = survey.cells;
     let labels = tissue(&survey, levels);
     let at_border =
@@ -51,7 +50,9 @@ pub(crate) fn bounds(sampler: &Sampler, field: &FieldOfView, levels: &Levels) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::observer::Silent;
     use crate::phantom::{Options, Phantom};
+    use crate::pipeline::precise::scan::empty_ends::without_empty_ends;
 
     /// The neck's column runs through all slices, and what a head cut at its middle has in front of it
     /// is no wider than what there is beside a couch.
@@ -80,10 +81,9 @@ mod tests {
             let head = across.hypot(back) < 75.0 && top - p[2] < 65.0;
             *v = if neck || head { 40 } else { -1000 } + ((x * 7 + y * 3 + z) % 11) as i16;
         }
-        let hu = volume.hu.as_slice().expect("in order");
-        let sampler = Sampler::new(hu, &volume.grid).expect("a volume");
-        let levels = Levels::of(&sampler).expect("air and tissue");
-        let [low, high] = bounds(&sampler, &FieldOfView::of(&sampler, &levels), &levels);
+        let slices = without_empty_ends(&volume, &Silent).expect("a volume");
+        let scan = Scan::of(&slices, &Silent).expect("air and tissue");
+        let [low, high] = bounds(&scan);
         for (a, reach) in [(0, 75.0), (1, 75.0)] {
             assert!(low[a] < middle[a] - reach - 10.0, "{low:?} around {middle:?}");
             assert!(high[a] > middle[a] + reach + 10.0, "{high:?} around {middle:?}");

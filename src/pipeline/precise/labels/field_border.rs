@@ -6,9 +6,8 @@ use super::label::Label;
 use crate::observer::stop::Asked;
 use crate::pipeline::precise::grid::cells::Cells;
 use crate::pipeline::precise::grid::reach::within;
-use crate::pipeline::precise::scan::field_of_view::FieldOfView;
-use crate::pipeline::precise::scan::levels::Levels;
-use crate::pipeline::precise::scan::sampler::{Sampler, nearest};
+use crate::pipeline::precise::scan::Scan;
+use crate::pipeline::precise::scan::sampler::nearest;
 use crate::pipeline::precise::scan::survey::Survey;
 
 /// What is so near the border of the field of view meets it, in cells: a cell upon it holds a mixture.
@@ -36,7 +35,8 @@ pub(crate) struct FieldBorder(Vec<At>);
 impl FieldBorder {
     /// Looks at the last voxels before the border: skin right next to it, even a voxel away, shows air
     /// there.
-    pub(crate) fn of(sampler: &Sampler, levels: &Levels, field: &FieldOfView, survey: &Survey) -> Self {
+    pub(crate) fn of(scan: &Scan<'_>, survey: &Survey) -> Self {
+        let sampler = &scan.sampler;
         let (cells, aside) = (&survey.cells, &survey.aside);
         if !aside.par_iter().any(|a| *a) {
             return Self(Vec::new());
@@ -46,7 +46,7 @@ impl FieldBorder {
             sampler.ask_at(i);
             match near[i] && !aside[i] {
                 false => At::Elsewhere,
-                true if ends_in_tissue(sampler, levels, field, cells, i) => At::Tissue,
+                true if ends_in_tissue(scan, cells, i) => At::Tissue,
                 true => At::Border,
             }
         };
@@ -73,17 +73,13 @@ impl FieldBorder {
 }
 
 /// Whether a voxel in a cell or next to it is the last one before the border and holds tissue.
-fn ends_in_tissue(
-    sampler: &Sampler,
-    levels: &Levels,
-    field: &FieldOfView,
-    cells: &Cells,
-    cell: usize,
-) -> bool {
+fn ends_in_tissue(scan: &Scan<'_>, cells: &Cells, cell: usize) -> bool {
+    let Scan { sampler, levels, field_of_view, .. } = scan;
     let middle = nearest(sampler.clamped(cells.centre(cells.cell(cell))));
     let range = |a: usize| middle[a].saturating_sub(1)..(middle[a] + 2).min(sampler.shape[a]);
     let is_last = |v: [usize; 3]| {
-        field.distance(v) == Some(1) || [1, 2].into_iter().any(|a| v[a] == 0 || v[a] + 1 == sampler.shape[a])
+        field_of_view.distance(v) == Some(1)
+            || [1, 2].into_iter().any(|a| v[a] == 0 || v[a] + 1 == sampler.shape[a])
     };
     range(1).any(|y| {
         range(2).any(|x| {

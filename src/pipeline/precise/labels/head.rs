@@ -8,9 +8,8 @@ use super::label::Label;
 use super::patient::Patient;
 use crate::geometry::Vec3;
 use crate::pipeline::precise::grid::rays::{Seen, view};
-use crate::pipeline::precise::scan::field_of_view::FieldOfView;
-use crate::pipeline::precise::scan::levels::Levels;
-use crate::pipeline::precise::scan::sampler::{Sampler, nearest};
+use crate::pipeline::precise::scan::Scan;
+use crate::pipeline::precise::scan::sampler::nearest;
 use crate::pipeline::precise::scan::survey::Survey;
 
 /// The patient's head in the survey.
@@ -58,7 +57,8 @@ const BRAIN_LAYER_CM2: f64 = 20.0;
 
 impl Head {
     /// Looks for soft tissue in a closed shell of bone.
-    pub(crate) fn of(sampler: &Sampler, levels: &Levels, field: &FieldOfView, patient: &Patient) -> Self {
+    pub(crate) fn of(scan: &Scan<'_>, patient: &Patient) -> Self {
+        let Scan { sampler, levels, .. } = scan;
         let Survey { cells, hu, seen, .. } = &patient.survey;
         let [nx, ny, nz] = cells.shape;
         let (bone, metal) = (levels.tissue + BONE, METAL);
@@ -130,12 +130,13 @@ impl Head {
             cut_below_cm2: if ends.neck { 0.0 } else { cm2(ends.cut) },
             cut_at_side_cm2: 0.0,
         };
-        head.find_cuts(sampler, field, patient, ends.lowest);
+        head.find_cuts(scan, patient, ends.lowest);
         head
     }
 
     /// Where the head leaves the scan above and at the sides: its cells next to the scan's borders.
-    fn find_cuts(&mut self, sampler: &Sampler, field: &FieldOfView, patient: &Patient, lowest: usize) {
+    fn find_cuts(&mut self, scan: &Scan<'_>, patient: &Patient, lowest: usize) {
+        let Scan { sampler, field_of_view, .. } = scan;
         let Survey { cells, seen, .. } = &patient.survey;
         let step = [1, cells.shape[0], cells.shape[0] * cells.shape[1]];
         let of_cell = |i: usize| {
@@ -149,7 +150,7 @@ impl Head {
                     p[axis] += way;
                     let index = sampler.index(p);
                     let left = |a: usize| index[a] < 0.0 || index[a] > (sampler.shape[a] - 1) as f64;
-                    let filled = sampler.within(index) == index && !field.holds(nearest(index));
+                    let filled = sampler.within(index) == index && !field_of_view.holds(nearest(index));
                     let upward = axis == 2 && way > 0.0;
                     above += usize::from(upward);
                     aside += usize::from(axis != 2 && (filled || [1, 2].into_iter().any(left)));

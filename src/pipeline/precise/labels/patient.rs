@@ -12,9 +12,8 @@ use super::outside::Open;
 use crate::geometry::{Vec3, scale};
 use crate::pipeline::precise::grid::cells::Cells;
 use crate::pipeline::precise::grid::reach::within;
-use crate::pipeline::precise::scan::field_of_view::FieldOfView;
-use crate::pipeline::precise::scan::levels::Levels;
-use crate::pipeline::precise::scan::sampler::{Sampler, nearest};
+use crate::pipeline::precise::scan::Scan;
+use crate::pipeline::precise::scan::sampler::nearest;
 use crate::pipeline::precise::scan::survey::Survey;
 
 /// Edge of the survey's cells, mm; larger where the patient is.
@@ -46,14 +45,15 @@ pub(crate) struct Patient {
 
 impl Patient {
     /// Finds the patient; `None` if nothing in the scan is thick enough to be one.
-    pub(crate) fn find(sampler: &Sampler, levels: &Levels, field: &FieldOfView) -> Option<Self> {
+    pub(crate) fn find(scan: &Scan<'_>) -> Option<Self> {
+        let Scan { sampler, levels, field_of_view, .. } = scan;
         let pieces = clear_pieces(sampler, levels);
         sampler.ask();
-        let survey = Survey::of(sampler, field, Cells::over(crop::bounds(sampler, field, levels), EDGE_MM));
+        let survey = Survey::of(sampler, field_of_view, Cells::over(crop::bounds(scan), EDGE_MM));
         sampler.ask();
-        let Body { mut labels, near, tissue } = Body::find(sampler, levels, &survey, pieces)?;
+        let Body { mut labels, near, tissue } = Body::find(scan, &survey, pieces)?;
         sampler.ask();
-        let field_border = FieldBorder::of(sampler, levels, field, &survey);
+        let field_border = FieldBorder::of(scan, &survey);
         sampler.ask();
         let (asked, cells) = (sampler.asked(), survey.cells);
         let open = Open::find(asked, &survey, &labels, &field_border);
@@ -75,13 +75,8 @@ impl Patient {
 
     /// How far behind a border at `p` with the outward normal `n` the first clear tissue is that no
     /// air parts from it, mm, and whether it is the patient's own; `None` if there is none.
-    pub(crate) fn clear_tissue(
-        &self,
-        sampler: &Sampler,
-        levels: &Levels,
-        p: Vec3,
-        n: Vec3,
-    ) -> Option<(f64, bool)> {
+    pub(crate) fn clear_tissue(&self, scan: &Scan<'_>, p: Vec3, n: Vec3) -> Option<(f64, bool)> {
+        let Scan { sampler, levels, .. } = scan;
         let steps = (DEEPEST_MM / DEPTH_MM) as usize;
         let inward = sampler.line(p, scale(n, -1.0));
         for d in (1..=steps).map(|step| step as f64 * DEPTH_MM) {

@@ -7,12 +7,13 @@ use crate::pipeline::precise::border::crossing::Crossing;
 use crate::pipeline::precise::border::rejected::Rejected;
 use crate::pipeline::precise::confidence::agreement::Agreement;
 use crate::pipeline::precise::grid::cells::each_cell;
+use crate::pipeline::precise::labels::Labels;
 use crate::pipeline::precise::labels::head::Head;
 use crate::pipeline::precise::labels::label::Label;
 use crate::pipeline::precise::labels::patient::Patient;
 use crate::pipeline::precise::reason::StretchReason;
+use crate::pipeline::precise::scan::Scan;
 use crate::pipeline::precise::scan::edge_spread::EdgeSpread;
-use crate::pipeline::precise::scan::levels::Levels;
 use crate::pipeline::precise::scan::sampler::Sampler;
 
 /// A staircase of cells has more face than the surface it follows: 1.5 times on average over all
@@ -30,20 +31,20 @@ impl Areas {
     /// The skin of the head: that of the patient from the neck up.
     pub(crate) fn of(
         sampler: &Sampler,
-        patient: &Patient,
-        head: &Head,
-        measured: &[Crossing],
-        doubtful: &[Rejected],
+        labels: &Labels,
+        accepted: &[Crossing],
+        rejected: &[Rejected],
     ) -> Self {
+        let Labels { patient, head, .. } = labels;
         let mut areas = Self::default();
         let side = |p: Vec3| (p[2] >= head.lower_end).then(|| Side::of(p, head.middle) as usize);
-        for (i, c) in measured.iter().enumerate() {
+        for (i, c) in accepted.iter().enumerate() {
             sampler.ask_at(i);
             if let Some(side) = side(c.place) {
                 areas.accepted[side] += share_of_skin(sampler, c.axis, c.normal);
             }
         }
-        for (i, d) in doubtful.iter().enumerate() {
+        for (i, d) in rejected.iter().enumerate() {
             sampler.ask_at(i);
             // A canal is no skin, and a foreign body's border none of the patient's.
             if !matches!(d.reason, StretchReason::Foreign | StretchReason::Canal)
@@ -87,16 +88,22 @@ impl Areas {
     }
 }
 
+/// What was measured on the result.
+pub(crate) struct Measured<'a> {
+    /// How wide the scan shows an edge.
+    pub(crate) edge_spread: &'a EdgeSpread,
+    /// Areas of skin by side and fate.
+    pub(crate) areas: &'a Areas,
+    /// How far at most a slice stands aside from its neighbours, mm.
+    pub(crate) motion_mm: f64,
+    /// Place and agreement of the points.
+    pub(crate) points: &'a [(Vec3, Agreement)],
+}
+
 /// Everything that the verdict is made of; not judged yet.
-pub(crate) fn quality(
-    sampler: &Sampler,
-    levels: &Levels,
-    width: &EdgeSpread,
-    head: &Head,
-    areas: &Areas,
-    motion_mm: f64,
-    points: &[(Vec3, Agreement)],
-) -> Quality {
+pub(crate) fn quality(scan: &Scan<'_>, head: &Head, measured: &Measured<'_>) -> Quality {
+    let Scan { sampler, levels, .. } = scan;
+    let Measured { edge_spread, areas, motion_mm, points } = *measured;
     sampler.ask();
     let all: Vec<f64> = offsets(points.iter().map(|p| &p.1));
     let (mean, p95) = spread(all).unwrap_or((0.0, 0.0));
@@ -134,8 +141,8 @@ pub(crate) fn quality(
         sides: sides.into(),
         noise_hu: f64::from(levels.noise),
         clipped_air: levels.clipped.is_some(),
-        edge_in_plane_mm: width.in_plane(),
-        edge_across_mm: width.across(),
+        edge_in_plane_mm: edge_spread.in_plane(),
+        edge_across_mm: edge_spread.across(),
         slice_mm: sampler.gaps().into_iter().fold(0.0, f64::max),
         motion_mm,
         cut_above_cm2: head.cut_above_cm2,

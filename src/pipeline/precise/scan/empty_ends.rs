@@ -7,18 +7,38 @@ use std::ops::Range;
 use ndarray::{Axis, CowArray, Ix3, Slice};
 
 use super::levels::Levels;
-use super::sampler::Sampler;
+use super::sampler::{Sampler, along_coarsest};
 use crate::dicom::Volume;
 use crate::geometry::Grid;
 use crate::observer::Observer;
+use crate::pipeline::precise::no_skin::NoSkin;
 
 /// A vertex is rounder than a ball of this radius, mm: a slice next to an empty one that shows more tissue
 /// than such a ball's cap between the two cuts the patient.
 const FLATTEST_MM: f64 = 250.0;
 
+/// The slices of a volume that hold something, along its coarsest axis.
+///
+/// # Errors
+/// [`NoSkin::NoVolume`], [`NoSkin::NoLevels`].
+pub(crate) fn without_empty_ends<'a>(
+    volume: &'a Volume,
+    observer: &dyn Observer,
+) -> Result<Slices<'a>, NoSkin> {
+    let grid = along_coarsest(&volume.grid);
+    let all = 0..grid.slice_origins().len();
+    let whole = part(volume, &grid, all.clone());
+    let held = {
+        let sampler = whole.sampler(observer).ok_or(NoSkin::NoVolume)?;
+        let levels = Levels::of(&sampler).ok_or(NoSkin::NoLevels)?;
+        held(&sampler, &levels)
+    };
+    Ok(if held == all { whole } else { part(volume, &grid, held) })
+}
+
 /// The slices of the scan without those at an end that one value fills: all of them if air has no such
 /// value, else those beside one that cuts the patient.
-pub(crate) fn held(sampler: &Sampler, levels: &Levels) -> Range<usize> {
+fn held(sampler: &Sampler, levels: &Levels) -> Range<usize> {
     let all = 0..sampler.shape[sampler.slice_axis()];
     let is_held = |slice: &usize| value(sampler, *slice).is_none();
     let (Some(first), Some(last)) = (all.clone().find(is_held), all.clone().rfind(is_held)) else {
@@ -45,25 +65,28 @@ fn value(sampler: &Sampler, slice: usize) -> Option<i16> {
 }
 
 /// Some of the slices of a volume.
-pub(crate) struct Part<'a> {
+pub(crate) struct Slices<'a> {
     hu: CowArray<'a, i16, Ix3>,
     grid: Grid,
+    /// The first of them in the volume, along the axis of the grid.
+    pub(crate) first: usize,
 }
 
 /// The slices that are `held`, along the axis of a grid of the volume.
-pub(crate) fn part<'a>(volume: &'a Volume, grid: &Grid, held: Range<usize>) -> Part<'a> {
+fn part<'a>(volume: &'a Volume, grid: &Grid, held: Range<usize>) -> Slices<'a> {
     let mut shape = grid.shape();
     shape[grid.slice_axis() as usize] = held.len();
     let hu = volume.hu.slice_axis(Axis(grid.slice_axis() as usize), Slice::from(held.clone()));
     // Axial slices follow each other; others are copied.
     let hu = if hu.is_standard_layout() { hu.into() } else { hu.to_owned().into() };
+    let first = held.start;
     let origins = grid.slice_origins()[held].to_vec();
-    Part { hu, grid: Grid::new(grid.slice_axis(), origins, *grid.step(), shape) }
+    Slices { hu, first, grid: Grid::new(grid.slice_axis(), origins, *grid.step(), shape) }
 }
 
-impl Part<'_> {
+impl Slices<'_> {
     /// `None` where it is too small to hold a surface.
-    pub(crate) fn space<'a>(&'a self, observer: &'a dyn Observer) -> Option<Sampler<'a>> {
+    pub(crate) fn sampler<'a>(&'a self, observer: &'a dyn Observer) -> Option<Sampler<'a>> {
         Some(Sampler::new(self.hu.as_slice()?, &self.grid)?.asking(observer))
     }
 }

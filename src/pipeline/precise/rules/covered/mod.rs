@@ -4,11 +4,11 @@
 use rayon::prelude::*;
 
 use crate::geometry::Vec3;
-use crate::pipeline::precise::border::candidates::BESIDE_MM;
 use crate::pipeline::precise::border::crossing::Crossing;
 use crate::pipeline::precise::border::rejected::Rejected;
 use crate::pipeline::precise::grid::cubes::key;
 use crate::pipeline::precise::reason::StretchReason;
+use crate::pipeline::precise::rules::touching::BESIDE_MM;
 use crate::pipeline::precise::scan::levels::Levels;
 use crate::pipeline::precise::scan::sampler::Sampler;
 pub(crate) mod fill;
