@@ -12,11 +12,13 @@
 //! | verdicts | `rules/` | which of them is skin, and why another is none |
 //! | skin | `cloud/`, `confidence/`, `report/` | a point for each leaf, its error, what to make of it |
 //!
-//! `grid/` is geometry that knows no anatomy; all of them build on it.
+//! `grid/` is geometry that knows no anatomy; all of them build on it. `dump/` writes what the stages hand
+//! on, to be looked at in other programs.
 
 mod border;
 mod cloud;
 mod confidence;
+mod dump;
 mod grid;
 mod labels;
 mod no_skin;

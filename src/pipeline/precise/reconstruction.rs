@@ -48,7 +48,7 @@ pub(crate) fn reconstruct(
 }
 
 /// Every crossing of the patient's border with a grid line of the scan, as `precise` finds and judges
-/// it, whatever the parameters; none where it finds no skin. For pictures ([`super::border_picture`]).
+/// it, whatever the parameters; none where it finds no skin. For pictures ([`crate::pipeline::border_picture`]).
 #[must_use]
 pub fn border(volume: &Volume) -> Vec<BorderPoint> {
     /// Few points are made for nothing.

@@ -1,6 +1,7 @@
 //! The five stages of the profile, each of which hands its result to the next.
 
 use super::border::Border;
+use super::dump::inspected;
 use super::labels::Labels;
 use super::no_skin::NoSkin;
 use super::report::quality::QualityLimits;
@@ -29,9 +30,9 @@ pub fn reconstruct(
 fn stages(volume: &Volume, wish: &Wish<'_>, observer: &dyn Observer) -> Result<Skin, NoSkin> {
     let slices = without_empty_ends(volume, observer)?;
     let scan = Scan::of(&slices, observer)?;
-    let labels = Labels::of(&scan)?;
-    let border = Border::of(&scan, &labels, &AT_FIRST_SIGHT)?;
-    let verdicts = Verdicts::of(&scan, &labels, border);
-    let skin = Skin::of(&scan, &labels, &verdicts, wish);
+    let labels = inspected(&scan, Labels::of(&scan)?);
+    let border = inspected(&scan, Border::of(&scan, &labels, &AT_FIRST_SIGHT)?);
+    let verdicts = inspected(&scan, Verdicts::of(&scan, &labels, border));
+    let skin = inspected(&scan, Skin::of(&scan, &labels, &verdicts, wish));
     Ok(skin.counted_from(scan.sampler.slice_axis(), slices.first))
 }

@@ -2,7 +2,7 @@
 //! published program; the first that fails rejects the slice.
 //!
 //! **A new rejection rule** is a file here with its thresholds and its `test`, a variant of
-//! [`Reason`](super::Reason), a field of [`Thresholds`], and a line in one of
+//! [`Reason`](crate::pipeline::Reason), a field of [`Thresholds`], and a line in one of
 //! the three lists below.
 
 mod area_jump;

@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-use super::outside::{CANAL, ENCLOSED, OPEN, SOLID};
+use super::air::Air;
 use crate::geometry::{Vec3, add, scale};
 use crate::observer::stop::Asked;
 use crate::pipeline::precise::grid::cells::Cells;
@@ -47,15 +47,15 @@ struct Judged {
 
 /// Marks the narrow air that is fold (open) and the one that is canal: what lies deeper than a
 /// fold, and on the way from the open air to what is deeper than any fold what is closed in.
-pub(crate) fn close_canals(asked: Asked<'_>, cells: &Cells, air: &mut [u8]) {
+pub(crate) fn close_canals(asked: Asked<'_>, cells: &Cells, air: &mut [Air]) {
     let thirds = |mm: f64| (mm / cells.edge * 3.0).round() as u32;
     let (fold, canal) = (thirds(FOLD_MM), thirds(CANAL_MM));
     let from = next_to_narrow(cells, air);
-    let narrow = walk(asked, cells, &from, canal + 5, |i| air[i] == ENCLOSED);
+    let narrow = walk(asked, cells, &from, canal + 5, |i| air[i] == Air::Enclosed);
     let deep: Vec<usize> = narrow.iter().filter(|&&(_, d)| d > canal).map(|&(i, _)| i).collect();
     let depth: HashMap<usize, u32> = narrow.into_iter().collect();
     let back =
-        walk(asked, cells, &deep, canal + thirds(RIM_MM), |i| air[i] == OPEN || depth.contains_key(&i));
+        walk(asked, cells, &deep, canal + thirds(RIM_MM), |i| air[i] == Air::Open || depth.contains_key(&i));
     let lines = directions();
     let near = canal + thirds(NEAR_RIM_MM);
     let judged: Vec<Judged> = back
@@ -70,19 +70,19 @@ pub(crate) fn close_canals(asked: Asked<'_>, cells: &Cells, air: &mut [u8]) {
         })
         .collect();
     for (i, d) in depth {
-        air[i] = if d > fold { CANAL } else { OPEN };
+        air[i] = if d > fold { Air::Canal } else { Air::Open };
     }
     for canal in judged.iter().filter(|j| j.within) {
-        air[canal.cell] = CANAL;
+        air[canal.cell] = Air::Canal;
     }
     let next_to_canal = |i: usize| {
-        let closed = cells.around(i).filter(|&(j, _)| air[j] == CANAL);
+        let closed = cells.around(i).filter(|&(j, _)| air[j] == Air::Canal);
         closed.count() >= RIM_NEIGHBOURS
     };
     let rim: Vec<usize> =
         judged.iter().filter(|j| j.at_rim && next_to_canal(j.cell)).map(|j| j.cell).collect();
     for i in rim {
-        air[i] = CANAL;
+        air[i] = Air::Canal;
     }
 }
 
@@ -99,20 +99,20 @@ fn directions() -> Vec<Vec3> {
 }
 
 /// The share of the straight lines through a cell that are free to both sides, 0 to 1.
-fn free_share(cells: &Cells, air: &[u8], lines: &[Vec3], cell: usize) -> f64 {
+fn free_share(cells: &Cells, air: &[Air], lines: &[Vec3], cell: usize) -> f64 {
     let from = cells.centre(cells.cell(cell));
     let steps = (FREE_MM / cells.edge).round() as u32;
     let is_free = |way: Vec3| {
-        let mut last = OPEN;
+        let mut last = Air::Open;
         for step in 1..=steps {
             let at = add(from, scale(way, f64::from(step) * cells.edge));
             match cells.at(at).map(|c| air[cells.offset(c)]) {
-                Some(SOLID) => return false,
+                Some(Air::Solid) => return false,
                 Some(state) => last = state,
                 None => break,
             }
         }
-        last == OPEN
+        last == Air::Open
     };
     let free = lines.iter().filter(|&&way| is_free(way) && is_free(scale(way, -1.0))).count();
     free as f64 / lines.len() as f64
@@ -120,9 +120,9 @@ fn free_share(cells: &Cells, air: &[u8], lines: &[Vec3], cell: usize) -> f64 {
 
 /// The open cells that share a face with narrow ones: past an edge or a corner a thin wall would let
 /// through.
-fn next_to_narrow(cells: &Cells, air: &[u8]) -> Vec<usize> {
-    let narrow = (0..cells.len()).into_par_iter().filter(|&i| air[i] == ENCLOSED);
-    let beside = |i| cells.around(i).filter(|&(j, steps)| steps == 1 && air[j] == OPEN).map(|(j, _)| j);
+fn next_to_narrow(cells: &Cells, air: &[Air]) -> Vec<usize> {
+    let narrow = (0..cells.len()).into_par_iter().filter(|&i| air[i] == Air::Enclosed);
+    let beside = |i| cells.around(i).filter(|&(j, steps)| steps == 1 && air[j] == Air::Open).map(|(j, _)| j);
     let mut next: Vec<usize> = narrow.flat_map_iter(beside).collect();
     next.par_sort_unstable();
     next.dedup();
@@ -181,20 +181,20 @@ mod tests {
             (8..=30).contains(&z) && x.abs_diff(20).pow(2) + y.abs_diff(20).pow(2) <= 6
         };
         let in_groove = |[_, y, z]: [usize; 3]| (22..=30).contains(&z) && (44..48).contains(&y);
-        let mut air: Vec<u8> = (0..cells.len())
+        let mut air: Vec<Air> = (0..cells.len())
             .map(|i| match cells.cell(i) {
-                [_, _, z] if z > 30 => OPEN,
-                cell if in_tube(cell) || in_groove(cell) => ENCLOSED,
-                _ => SOLID,
+                [_, _, z] if z > 30 => Air::Open,
+                cell if in_tube(cell) || in_groove(cell) => Air::Enclosed,
+                _ => Air::Solid,
             })
             .collect();
         close_canals(Asked::default(), &cells, &mut air);
         each_cell(&cells, |i, cell| match cell {
-            [_, _, z] if z > 31 => assert_eq!(air[i], OPEN, "open air at {cell:?}"),
-            [_, _, z] if in_tube(cell) && z < 29 => assert_ne!(air[i], OPEN, "tube at {cell:?}"),
+            [_, _, z] if z > 31 => assert_eq!(air[i], Air::Open, "open air at {cell:?}"),
+            [_, _, z] if in_tube(cell) && z < 29 => assert_ne!(air[i], Air::Open, "tube at {cell:?}"),
             // Where the block ends so does the groove.
             [x, _, z] if in_groove(cell) && (12..48).contains(&x) => {
-                let expected = if z > 24 { OPEN } else { CANAL };
+                let expected = if z > 24 { Air::Open } else { Air::Canal };
                 assert_eq!(air[i], expected, "groove at {cell:?}");
             }
             _ => {}

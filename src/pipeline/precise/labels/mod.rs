@@ -1,5 +1,6 @@
 //! The second stage: what every cell of the scan is: the patient, a device, air outside, a canal.
 
+pub(crate) mod air;
 pub(crate) mod body;
 pub(crate) mod canals;
 pub(crate) mod crop;

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::air::Air;
 use super::canals::close_canals;
 use super::field_border::FieldBorder;
 use super::label::Label;
@@ -39,26 +40,15 @@ pub(crate) enum Beyond {
 #[derive(Debug)]
 pub(crate) struct Outside {
     cells: Cells,
-    open: Vec<u8>,
+    open: Vec<Air>,
     near: Vec<bool>,
 }
-
-/// The patient, or what else no air passes.
-pub(crate) const SOLID: u8 = 0;
-/// Air outside.
-pub(crate) const OPEN: u8 = 1;
-/// Air in a nostril, an ear canal, the slit of a mouth.
-pub(crate) const CANAL: u8 = 2;
-/// Air that the ball does not reach.
-pub(crate) const ENCLOSED: u8 = 3;
-/// What shuts the openings where the border of the field of view cuts the patient.
-const SHUT: u8 = 4;
 
 /// The air that a ball reaches from the sides of the scan.
 #[derive(Debug)]
 pub(crate) struct Open {
     cells: Cells,
-    open: Vec<u8>,
+    open: Vec<Air>,
 }
 
 impl Open {
@@ -82,29 +72,29 @@ impl Open {
             open.par_iter_mut().zip(through).enumerate().panic_fuse().for_each(|(i, (open, through))| {
                 asked.ask_at(i);
                 let solid = labels[i] == Label::Patient || shut(i);
-                if solid != (*open == SOLID) {
-                    *open = ENCLOSED;
+                if solid != (*open == Air::Solid) {
+                    *open = Air::Enclosed;
                 }
-                let opened = *open == ENCLOSED && through == OPEN;
+                let opened = *open == Air::Enclosed && through == Air::Open;
                 if opened && enclosure(&cells, i, |j| labels[j] == Label::Patient) < ENCLOSURE {
-                    *open = OPEN;
+                    *open = Air::Open;
                 }
             });
         }
         for i in (0..laid_open.len()).filter(|&i| laid_open[i] && labels[i] != Label::Patient) {
-            open[i] = SHUT;
+            open[i] = Air::Shut;
         }
         Self { cells, open }
     }
 
     /// Whether a survey cell is air outside.
     pub(crate) fn is_open(&self, cell: usize) -> bool {
-        self.open[cell] == OPEN
+        self.open[cell] == Air::Open
     }
 }
 
 /// What a ball reaches from the sides of the scan past what is solid.
-fn flood(asked: Asked<'_>, cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<u8> {
+fn flood(asked: Asked<'_>, cells: &Cells, solid: impl Fn(usize) -> bool + Sync) -> Vec<Air> {
     let tight = within(asked, cells.shape, cells.squared(BALL_MM), &solid);
     let free = Pieces::of(asked, cells.shape, |i| !tight[i]);
     drop(tight);
@@ -122,11 +112,11 @@ fn flood(asked: Asked<'_>, cells: &Cells, solid: impl Fn(usize) -> bool + Sync) 
     let swept = within(asked, cells.shape, cells.squared(BALL_MM + 0.5 * cells.edge), |i| ball[i]);
     let state = |i: usize| {
         if solid(i) {
-            SOLID
+            Air::Solid
         } else if !swept[i] {
-            ENCLOSED
+            Air::Enclosed
         } else {
-            OPEN
+            Air::Open
         }
     };
     (0..cells.len()).into_par_iter().map(state).collect()
@@ -144,8 +134,14 @@ impl Outside {
         close_canals(asked, &cells, &mut open);
         // Both cells' corners on the way to the furthest place that is asked.
         let reach = ((STEPS_OUT[0] + 3f64.sqrt()).powi(2)).floor() as u16;
-        let near = within(asked, cells.shape, reach, |i| matches!(open[i], OPEN | CANAL | SHUT));
+        let near =
+            within(asked, cells.shape, reach, |i| matches!(open[i], Air::Open | Air::Canal | Air::Shut));
         Self { cells, open, near }
+    }
+
+    /// The air of each survey cell.
+    pub(crate) fn air(&self) -> &[Air] {
+        &self.open
     }
 
     /// Whether what lies beyond a border at `p` can be anything but inside.
@@ -164,13 +160,13 @@ impl Outside {
         for step in STEPS_OUT {
             if let Some(cell) = self.cells.at(add(p, scale(n, step * self.cells.edge))) {
                 match self.open[self.cells.offset(cell)] {
-                    OPEN => side = Beyond::Outside,
+                    Air::Open => side = Beyond::Outside,
                     // Next to the rim of a canal the canal decides.
-                    CANAL if step < 2.0 => return Beyond::Canal(step * self.cells.edge),
-                    CANAL => side = Beyond::Canal(step * self.cells.edge),
-                    ENCLOSED => side = Beyond::Inside,
-                    SHUT => side = Beyond::Cut,
-                    _ => {}
+                    Air::Canal if step < 2.0 => return Beyond::Canal(step * self.cells.edge),
+                    Air::Canal => side = Beyond::Canal(step * self.cells.edge),
+                    Air::Enclosed => side = Beyond::Inside,
+                    Air::Shut => side = Beyond::Cut,
+                    Air::Solid => {}
                 }
             }
         }

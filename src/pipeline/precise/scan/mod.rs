@@ -9,7 +9,7 @@ pub(crate) mod sampler;
 pub(crate) mod survey;
 
 use super::no_skin::NoSkin;
-use crate::observer::{Observer, Stage};
+use crate::observer::{Observer, Stage, StageFiles};
 use empty_ends::Slices;
 use field_of_view::FieldOfView;
 use levels::Levels;
@@ -38,6 +38,11 @@ impl<'a> Scan<'a> {
         sampler.ask();
         let field_of_view = FieldOfView::of(&sampler, &levels);
         Ok(Self { sampler, levels, field_of_view, observer })
+    }
+
+    /// Who takes what the stages hand on.
+    pub(crate) fn stage_files(&self) -> Option<&dyn StageFiles> {
+        self.observer.stage_files()
     }
 
     /// Tells how far a stage is, and stops here if the observer says so.
