@@ -65,14 +65,14 @@ impl<'a> Neighbourhood<'a> {
         Self { crossings, around: cubes.around(asked), cubes, members }
     }
 
-    /// What the neighbours of a crossing say about it: the height of the common surface over its
-    /// tangent plane is fitted by a + b·d² in the distance d from the point.
-    pub(crate) fn agreement(&self, crossing: usize) -> Agreement {
-        let Crossing { place, normal: own, .. } = self.crossings[crossing];
-        let (at, facing) = (place.map(|v| v as f32), own.map(|v| v as f32));
+    /// The neighbours of a crossing that face the same way, as steps from it, mm; and the sum of their
+    /// normals.
+    fn near(&self, crossing: usize) -> (Vec<[f32; 3]>, [f32; 3]) {
+        let Crossing { place, normal, .. } = self.crossings[crossing];
+        let (at, facing) = (place.map(|v| v as f32), normal.map(|v| v as f32));
         let reach = (REACH_MM * REACH_MM) as f32;
         let mut near: Vec<[f32; 3]> = Vec::with_capacity(256);
-        let mut normal = [0f32; 3];
+        let mut sum = [0f32; 3];
         for row in self.around[self.cubes.cube(crossing)].clone() {
             for m in &self.members[row] {
                 let d = [m[0] - at[0], m[1] - at[1], m[2] - at[2]];
@@ -80,10 +80,18 @@ impl<'a> Neighbourhood<'a> {
                 let cosine = m[3] * facing[0] + m[4] * facing[1] + m[5] * facing[2];
                 if squared <= reach && cosine > 0.5 {
                     near.push(d);
-                    (0..3).for_each(|a| normal[a] += m[3 + a]);
+                    (0..3).for_each(|a| sum[a] += m[3 + a]);
                 }
             }
         }
+        (near, sum)
+    }
+
+    /// What the neighbours of a crossing say about it: the height of the common surface over its
+    /// tangent plane is fitted by a + b·d² in the distance d from the point.
+    pub(crate) fn agreement(&self, crossing: usize) -> Agreement {
+        let own = self.crossings[crossing].normal;
+        let (near, normal) = self.near(crossing);
         let n = near.len();
         if n < LEAST {
             return Agreement { normal: own, neighbours: n, ..Agreement::default() };

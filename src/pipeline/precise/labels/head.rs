@@ -58,34 +58,11 @@ const BRAIN_LAYER_CM2: f64 = 20.0;
 impl Head {
     /// Looks for soft tissue in a closed shell of bone.
     pub(crate) fn of(scan: &Scan<'_>, patient: &Patient) -> Self {
-        let Scan { sampler, levels, .. } = scan;
+        let sampler = &scan.sampler;
         let Survey { cells, hu, seen, .. } = &patient.survey;
         let [nx, ny, nz] = cells.shape;
-        let (bone, metal) = (levels.tissue + BONE, METAL);
         let cell_cm3 = cells.edge.powi(3) / 1000.0;
-        let look = |i: usize| match f32::from(hu[i]) {
-            _ if !seen[i] => Seen::Nothing,
-            v if v > bone => Seen::Wanted,
-            _ => Seen::Other,
-        };
-        let is_brain = |i: usize| {
-            let soft = seen[i] && (f32::from(hu[i]) - levels.tissue).abs() < SOFT;
-            soft && patient.labels[i] == Label::Patient && {
-                let (met, ended) = view(cells, i, look);
-                ended >= LEAST_DIRECTIONS && met as f64 >= CLOSED * ended as f64
-            }
-        };
-        let brain: Vec<Vec<[usize; 3]>> = (0..nz.div_ceil(STRIDE))
-            .into_par_iter()
-            .panic_fuse()
-            .map(|z| {
-                sampler.ask();
-                let layer = (0..ny.div_ceil(STRIDE)).flat_map(|y| {
-                    (0..nx.div_ceil(STRIDE)).map(move |x| [x * STRIDE, y * STRIDE, z * STRIDE])
-                });
-                layer.filter(|&cell| is_brain(cells.offset(cell))).collect()
-            })
-            .collect();
+        let brain = brain(scan, patient);
         let of_layer = |z: usize| {
             sampler.ask();
             let mut layer = Layer::default();
@@ -93,7 +70,7 @@ impl Head {
                 layer.visible |= seen[i];
                 if patient.labels[i] == Label::Patient && seen[i] {
                     layer.area += 1;
-                    layer.metal += usize::from(f32::from(hu[i]) > metal);
+                    layer.metal += usize::from(f32::from(hu[i]) > METAL);
                     layer.cut_below += usize::from(z > 0 && !seen[i - nx * ny]);
                     // A cell at the survey's own border has the scan's within its margin.
                     let beside = [i.wrapping_sub(1), i + 1, i.wrapping_sub(nx), i + nx];
@@ -168,6 +145,34 @@ impl Head {
         self.cut_above_cm2 = above as f64 * face;
         self.cut_at_side_cm2 = aside as f64 * face;
     }
+}
+
+/// The cells that are brain, of every so many along each axis, by layer: soft tissue in a closed shell of
+/// bone.
+fn brain(scan: &Scan<'_>, patient: &Patient) -> Vec<Vec<[usize; 3]>> {
+    let Scan { sampler, levels, .. } = scan;
+    let Survey { cells, hu, seen, .. } = &patient.survey;
+    let [nx, ny, nz] = cells.shape;
+    let bone = levels.tissue + BONE;
+    let look = |i: usize| match f32::from(hu[i]) {
+        _ if !seen[i] => Seen::Nothing,
+        v if v > bone => Seen::Wanted,
+        _ => Seen::Other,
+    };
+    let is_brain = |i: usize| {
+        let soft = seen[i] && (f32::from(hu[i]) - levels.tissue).abs() < SOFT;
+        soft && patient.labels[i] == Label::Patient && {
+            let (met, ended) = view(cells, i, look);
+            ended >= LEAST_DIRECTIONS && met as f64 >= CLOSED * ended as f64
+        }
+    };
+    let of_layer = |z: usize| {
+        sampler.ask();
+        let layer = (0..ny.div_ceil(STRIDE))
+            .flat_map(|y| (0..nx.div_ceil(STRIDE)).map(move |x| [x * STRIDE, y * STRIDE, z * STRIDE]));
+        layer.filter(|&cell| is_brain(cells.offset(cell))).collect()
+    };
+    (0..nz.div_ceil(STRIDE)).into_par_iter().panic_fuse().map(of_layer).collect()
 }
 
 /// The run of neighbouring layers with enough brain that holds most of it; areas in cm².

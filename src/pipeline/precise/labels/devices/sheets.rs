@@ -85,7 +85,8 @@ pub(crate) fn peel(
         .filter_map(|(_, l)| cells.at(add(l.start, scale(l.normal, -l.behind - 0.3 * cells.edge))))
         .map(|cell| cells.offset(cell))
         .collect();
-    let contact = contact(sampler, cells, labels, &border, &outer, &skin);
+    let faces = Faces { border: &border, outer: &outer, skin: &skin };
+    let contact = contact(sampler, cells, labels, &faces);
     for i in contact {
         labels[i] = Label::Attached;
     }
@@ -126,16 +127,20 @@ fn layer(sampler: &Sampler, levels: &Levels, start: Vec3, normal: Vec3) -> Optio
     }
 }
 
+/// Where the search along the surface goes, and where it begins.
+struct Faces<'a> {
+    /// The cells of the border.
+    border: &'a [usize],
+    /// The outer faces of the sheets, with their normals.
+    outer: &'a [(usize, Vec3)],
+    /// Cells that are skin for sure.
+    skin: &'a [usize],
+}
+
 /// The stretches of the patient's border that are reached along the surface from the outer faces
 /// of the sheets at less cost than from the skin: where the sheet lies on it.
-fn contact(
-    sampler: &Sampler,
-    cells: &Cells,
-    labels: &[Label],
-    border: &[usize],
-    outer: &[(usize, Vec3)],
-    skin: &[usize],
-) -> Vec<usize> {
+fn contact(sampler: &Sampler, cells: &Cells, labels: &[Label], faces: &Faces<'_>) -> Vec<usize> {
+    let Faces { border, outer, skin } = *faces;
     let near =
         within(sampler.asked(), cells.shape, cells.squared(CONTACT_MM), |i| labels[i] == Label::Attached);
     // A turn is told from normals at the same scale on both.
@@ -191,11 +196,8 @@ fn contact(
             }
         }
     }
-    let mut contact: Vec<usize> = best
-        .into_iter()
-        .filter(|&(i, (_, foreign))| foreign && labels[i] == Label::Patient)
-        .map(|(i, _)| i)
-        .collect();
+    let is_contact = |&(i, (_, foreign)): &(usize, (f64, bool))| foreign && labels[i] == Label::Patient;
+    let mut contact: Vec<usize> = best.into_iter().filter(is_contact).map(|(i, _)| i).collect();
     contact.sort_unstable();
     contact
 }

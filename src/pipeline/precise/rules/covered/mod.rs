@@ -68,7 +68,8 @@ impl Covered {
         canals: &[Vec3],
         near_foreign: impl Fn(Vec3) -> bool + Sync,
     ) -> Self {
-        let seen = |look, with_scraps| Seen::of(sampler, levels, crossings, canals, look, with_scraps);
+        let searched = Searched { sampler, levels, crossings, canals };
+        let seen = |look, with_scraps| Seen::of(&searched, look, with_scraps);
         let (closely, coarsely) =
             rayon::join(|| seen(&CLOSELY, Some(&near_foreign)), || seen(&COARSELY, None));
         Self { seen: [closely, coarsely] }
@@ -108,16 +109,22 @@ impl Covered {
     }
 }
 
+/// The surface that is searched, and where canals are closed.
+struct Searched<'a> {
+    sampler: &'a Sampler<'a>,
+    levels: &'a Levels,
+    crossings: &'a [Crossing],
+    canals: &'a [Vec3],
+}
+
 impl Seen {
     /// With `near_foreign` scraps are taken too.
     fn of(
-        sampler: &Sampler,
-        levels: &Levels,
-        crossings: &[Crossing],
-        canals: &[Vec3],
+        searched: &Searched<'_>,
         look: &Look,
         near_foreign: Option<&(impl Fn(Vec3) -> bool + Sync)>,
     ) -> Self {
+        let Searched { sampler, levels, crossings, canals } = *searched;
         let mut surface = Surface::of(sampler.asked(), crossings, look.leaf_mm);
         sampler.ask();
         let parts = surrounded(sampler, levels, &mut surface, look, canals);

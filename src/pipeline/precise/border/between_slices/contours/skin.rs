@@ -10,6 +10,25 @@ const STEP_MM: f64 = 0.8;
 /// The distance's rise across the slices is taken over twice this share of their gap.
 const RISE: f64 = 0.05;
 
+/// A level between slice `k` and the next.
+#[derive(Debug, Clone, Copy)]
+struct Level {
+    k: usize,
+    /// The share of the way from the one to the other.
+    t: f64,
+    /// Between the two, mm.
+    gap: f64,
+}
+
+/// The line that a made point lies on.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    /// 0 or 1 along that axis of the slice, 2 across the slices.
+    along: usize,
+    /// Whether it leads out of the skin as the index grows.
+    outward: bool,
+}
+
 impl Contours {
     /// The skin between slices k and k + 1.
     pub(in crate::pipeline::precise) fn between(&self, sampler: &Sampler, k: usize) -> Vec<Crossing> {
@@ -42,7 +61,12 @@ impl Contours {
                         }
                         let mut place = [r as f64, c as f64];
                         place[along] += here / (here - there);
-                        if let Some(made_here) = self.point(sampler, k, t, gap, place, (along, here < 0.0)) {
+                        if let Some(made_here) = self.point(
+                            sampler,
+                            Level { k, t, gap },
+                            place,
+                            Way { along, outward: here < 0.0 },
+                        ) {
                             made.push(made_here);
                         }
                     }
@@ -56,7 +80,9 @@ impl Contours {
             if known(i) && (a < 0.0) != (b < 0.0) && steep(i) {
                 let t = self.zero(k, i);
                 let place = [(i / columns) as f64, (i % columns) as f64];
-                if let Some(made_here) = self.point(sampler, k, t, gap, place, (2, a < 0.0)) {
+                if let Some(made_here) =
+                    self.point(sampler, Level { k, t, gap }, place, Way { along: 2, outward: a < 0.0 })
+                {
                     made.push(made_here);
                 }
             }
@@ -64,24 +90,15 @@ impl Contours {
         made
     }
 
-    /// A point of skin at `place` (row and column, from `low`), the share `t` of the way from
-    /// slice k to k + 1, on a line along 0 or 1 in the slice or 2 across, that leads out of the skin or into
-    /// it.
-    fn point(
-        &self,
-        sampler: &Sampler,
-        k: usize,
-        t: f64,
-        gap: f64,
-        place: [f64; 2],
-        (along, outward): (usize, bool),
-    ) -> Option<Crossing> {
+    /// A point of skin at `place` (row and column, from `low`) of a level.
+    fn point(&self, sampler: &Sampler, level: Level, place: [f64; 2], way: Way) -> Option<Crossing> {
+        let (Level { k, t, gap }, Way { along, outward }) = (level, way);
         let slice_axis = sampler.slice_axis();
         let mut index = [0.0; 3];
         index[slice_axis] = k as f64 + t;
         index[self.axes[0]] = place[0] + self.low[0] as f64;
         index[self.axes[1]] = place[1] + self.low[1] as f64;
-        let normal = self.normal(sampler, k, t, gap, place)?;
+        let normal = self.normal(sampler, level, place)?;
         let nearest = place[0].round() as usize * self.shape[1] + place[1].round() as usize;
         let shift = shift(self.distances[k][nearest], self.distances[k + 1][nearest]);
         let axis = if along == 2 { slice_axis } else { self.axes[along] };
@@ -112,7 +129,8 @@ impl Contours {
     }
 
     /// Outward normal: the gradient of the interpolated distance.
-    fn normal(&self, sampler: &Sampler, k: usize, t: f64, gap: f64, place: [f64; 2]) -> Option<Vec3> {
+    fn normal(&self, sampler: &Sampler, level: Level, place: [f64; 2]) -> Option<Vec3> {
+        let Level { k, t, gap } = level;
         let [rows, columns] = self.shape;
         let (r, c) = (place[0].round() as usize, place[1].round() as usize);
         if r == 0 || c == 0 || r + 1 >= rows || c + 1 >= columns {
