@@ -10,6 +10,7 @@ use super::sighting::{Pair, Rule, Sighting};
 use super::split::joined;
 use crate::geometry::Vec3;
 use crate::pipeline::precise::grid::bit_rows::{BitRows, WORD, ones, steps};
+use crate::pipeline::precise::grid::index::Voxel;
 use crate::pipeline::precise::labels::Labels;
 use crate::pipeline::precise::labels::patient::Patient;
 use crate::pipeline::precise::scan::Scan;
@@ -27,7 +28,8 @@ pub(crate) fn find(scan: &Scan<'_>, labels: &Labels, rules: &[Rule]) -> (Vec<Can
         .panic_fuse()
         .map(|z| {
             let (mut candidates, mut rejected) = (Vec::new(), Vec::new());
-            let mut judge = |lower, axis, ascending| match look(Pair { lower, axis, ascending }) {
+            let mut judge = |lower, axis, ascending| match look(Pair { lower: Voxel(lower), axis, ascending })
+            {
                 Some(Ok(candidate)) => candidates.push(candidate),
                 Some(Err(one)) => rejected.push(one),
                 None => {}
@@ -64,7 +66,7 @@ fn judge(
     let Sighting { pair, inner, place, normal, .. } = sighting;
     let (tissue, air) = around(scan, &labels.patient, place, normal);
     Some(Ok(Candidate {
-        inner: inner.map(|i| i as u16),
+        inner: inner.short(),
         axis: pair.axis as u8,
         ascending: pair.ascending,
         place,

@@ -11,11 +11,11 @@ use super::local_levels::{LocalLevels, median};
 use super::rejected::Rejected;
 use super::split::parted;
 use crate::geometry::{Axis, Plane, PlaneSet, Vec3, cross, dot, normalised};
+use crate::pipeline::precise::grid::index::{Voxel, VoxelPlace};
 use crate::pipeline::precise::reason::StretchReason;
-use crate::pipeline::precise::scan::Scan;
 use crate::pipeline::precise::scan::edge_spread::EdgeSpread;
-use crate::pipeline::precise::scan::field_of_view;
 use crate::pipeline::precise::scan::sampler::Sampler;
+use crate::pipeline::precise::scan::{Scan, field_of_view};
 
 /// An edge that the fit puts further than this from the middle of its two voxels is not seen there,
 /// voxels.
@@ -61,7 +61,7 @@ pub(crate) fn measure(
         if off > FURTHEST {
             return Err(doubt(StretchReason::Unresolved, off * across, FURTHEST * across));
         }
-        let mut index = c.inner.map(f64::from);
+        let mut index = VoxelPlace(c.inner.map(f64::from));
         let axis = usize::from(c.axis);
         index[axis] += if c.ascending { edge.place } else { -edge.place };
         // Beyond the first and the last voxel nothing was measured.
@@ -90,7 +90,7 @@ pub(crate) fn measure(
 /// Six voxels along the line, from the tissue to the air; the candidate's two in the middle.
 pub(crate) fn profile(sampler: &Sampler, c: &Candidate) -> [f32; 6] {
     let axis = usize::from(c.axis);
-    let index = c.inner.map(usize::from);
+    let index = Voxel(c.inner.map(usize::from));
     let last = sampler.shape[axis] - 1;
     std::array::from_fn(|i| {
         let mut at = index;

@@ -4,6 +4,7 @@ use super::candidate::Candidate;
 use super::edge_fit::probit;
 use super::local_levels::LocalLevels;
 use crate::geometry::{dot, norm};
+use crate::pipeline::precise::grid::index::Voxel;
 use crate::pipeline::precise::scan::edge_spread::EdgeSpread;
 use crate::pipeline::precise::scan::levels::Levels;
 use crate::pipeline::precise::scan::sampler::Sampler;
@@ -62,7 +63,7 @@ fn voxels_on_slope(
     counted: [f64; 2],
 ) -> Option<usize> {
     let axis = usize::from(c.axis);
-    let inner = c.inner.map(usize::from);
+    let inner = Voxel(c.inner.map(usize::from));
     let reach = (FURTHEST_MM / depth) as isize;
     let share = |outward: isize| {
         let mut at = inner;

@@ -2,6 +2,7 @@
 
 use super::rejected::Rejected;
 use crate::geometry::{Vec3, add, dot, norm, normalised, scale};
+use crate::pipeline::precise::grid::index::Voxel;
 use crate::pipeline::precise::labels::Labels;
 use crate::pipeline::precise::labels::label::Label;
 use crate::pipeline::precise::labels::outside::Beyond;
@@ -13,8 +14,8 @@ use crate::pipeline::precise::scan::sampler::Sampler;
 /// Two neighbouring voxels with the half-way level between them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pair {
-    /// The one with the smaller index, `[z, y, x]`.
-    pub(crate) lower: [usize; 3],
+    /// The one with the smaller index.
+    pub(crate) lower: Voxel,
     /// The axis that leads to the other.
     pub(crate) axis: usize,
     /// Whether the air lies toward the larger index.
@@ -26,8 +27,8 @@ pub(crate) struct Pair {
 pub(crate) struct Sighting {
     /// The voxels on both sides.
     pub(crate) pair: Pair,
-    /// The one in the patient, `[z, y, x]`.
-    pub(crate) inner: [usize; 3],
+    /// The one in the patient.
+    pub(crate) inner: Voxel,
     /// Rough place, LPS mm.
     pub(crate) place: Vec3,
     /// Outward unit normal.
@@ -74,7 +75,7 @@ impl Sighting {
         let (inner, outer) = if ascending { (lower, upper) } else { (upper, lower) };
         let (a, b) = (sampler.voxel(inner), sampler.voxel(outer));
         let t = f64::from((a - levels.middle()) / (a - b));
-        let mut index = inner.map(|i| i as f64);
+        let mut index = inner.centre();
         index[axis] += if ascending { t } else { -t };
         let place = sampler.lps(index);
         if !labels.outside.is_near(place) {
@@ -113,7 +114,7 @@ impl Sighting {
             place: self.place,
             normal: self.normal,
             axis: self.pair.axis as u8,
-            inner: self.inner.map(|i| i as u16),
+            inner: self.inner.short(),
             reason,
             measured,
             limit,
@@ -122,7 +123,7 @@ impl Sighting {
 }
 
 /// How many voxels from the border the field of view ends.
-fn field_ends(scan: &Scan<'_>, inner: [usize; 3], outer: [usize; 3]) -> Option<usize> {
+fn field_ends(scan: &Scan<'_>, inner: Voxel, outer: Voxel) -> Option<usize> {
     if scan.sampler.voxel(outer) < scan.levels.padding() {
         return Some(0);
     }
@@ -141,7 +142,7 @@ fn behind(patient: &Patient, p: Vec3, n: Vec3) -> (Label, f64) {
 }
 
 /// How thick a slice is at a voxel along the normal, mm.
-fn slice_along(sampler: &Sampler, at: [usize; 3], n: Vec3) -> f64 {
+fn slice_along(sampler: &Sampler, at: Voxel, n: Vec3) -> f64 {
     let axis = sampler.slice_axis();
     dot(sampler.step_at(axis, at[axis]), n).abs()
 }

@@ -1,5 +1,6 @@
 //! Cubic cells along the patient's axes: where each is, and which lie beside each other.
 
+use super::index::Cell;
 use crate::geometry::Vec3;
 
 /// Cubic cells along LPS; index `(z · ny + y) · nx + x`.
@@ -30,7 +31,7 @@ impl Cells {
 
     /// The cell that holds a place, if it is in the survey.
     #[inline]
-    pub(crate) fn at(&self, p: Vec3) -> Option<[usize; 3]> {
+    pub(crate) fn at(&self, p: Vec3) -> Option<Cell> {
         let mut cell = [0; 3];
         for a in 0..3 {
             let v = (p[a] - self.origin[a]) / self.edge + 0.5;
@@ -39,29 +40,29 @@ impl Cells {
                 return None;
             }
         }
-        Some(cell)
+        Some(Cell(cell))
     }
 
-    /// Offset of a cell `[x, y, z]`.
+    /// Offset of a cell.
     #[inline]
-    pub(crate) fn offset(&self, [x, y, z]: [usize; 3]) -> usize {
+    pub(crate) fn offset(&self, Cell([x, y, z]): Cell) -> usize {
         (z * self.shape[1] + y) * self.shape[0] + x
     }
 
-    /// The cell `[x, y, z]` at an offset.
+    /// The cell at an offset.
     #[inline]
-    pub(crate) fn cell(&self, offset: usize) -> [usize; 3] {
+    pub(crate) fn cell(&self, offset: usize) -> Cell {
         let [nx, ny, _] = self.shape;
-        [offset % nx, offset / nx % ny, offset / (nx * ny)]
+        Cell([offset % nx, offset / nx % ny, offset / (nx * ny)])
     }
 
     /// The cells no more than `reach` away along each axis, those outside the survey left out.
-    pub(crate) fn block(&self, cell: [usize; 3], reach: usize) -> impl Iterator<Item = [usize; 3]> {
+    pub(crate) fn block(&self, cell: Cell, reach: usize) -> impl Iterator<Item = Cell> {
         let range = |a: usize| cell[a].saturating_sub(reach)..(cell[a] + reach + 1).min(self.shape[a]);
         let (xs, ys) = (range(0), range(1));
         range(2).flat_map(move |z| {
             let xs = xs.clone();
-            ys.clone().flat_map(move |y| xs.clone().map(move |x| [x, y, z]))
+            ys.clone().flat_map(move |y| xs.clone().map(move |x| Cell([x, y, z])))
         })
     }
 
@@ -75,13 +76,13 @@ impl Cells {
                 at[a] = (cell[a] + step[a]).checked_sub(1).filter(|&v| v < self.shape[a])?;
             }
             let moved = step.iter().filter(|&&s| s != 1).count();
-            Some((self.offset(at), moved))
+            Some((self.offset(Cell(at)), moved))
         })
     }
 
     /// Centre of a cell, LPS mm.
     #[inline]
-    pub(crate) fn centre(&self, [x, y, z]: [usize; 3]) -> Vec3 {
+    pub(crate) fn centre(&self, Cell([x, y, z]): Cell) -> Vec3 {
         let c = |i: usize, a: usize| self.origin[a] + i as f64 * self.edge;
         [c(x, 0), c(y, 1), c(z, 2)]
     }
@@ -94,13 +95,13 @@ impl Cells {
 }
 
 /// Calls `f` with the offset and the index of every cell, in order.
-pub(crate) fn each_cell(cells: &Cells, mut f: impl FnMut(usize, [usize; 3])) {
+pub(crate) fn each_cell(cells: &Cells, mut f: impl FnMut(usize, Cell)) {
     let [nx, ny, nz] = cells.shape;
     let mut offset = 0;
     for z in 0..nz {
         for y in 0..ny {
             for x in 0..nx {
-                f(offset, [x, y, z]);
+                f(offset, Cell([x, y, z]));
                 offset += 1;
             }
         }

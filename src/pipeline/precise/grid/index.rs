@@ -20,8 +20,8 @@ impl Voxel {
         VoxelPlace(self.0.map(|i| i as f64))
     }
 
-    /// The same in fewer bytes; no scan has more voxels along an axis than DICOM's 65,535 rows, columns and
-    /// slices (PS3.3 section C.7.6.3.1).
+    /// The same in fewer bytes: rows and columns are numbers of 16 bits (PS3.3 section C.7.6.3.1), and slices
+    /// are fewer.
     pub(crate) fn short(self) -> [u16; 3] {
         self.0.map(|i| i as u16)
     }

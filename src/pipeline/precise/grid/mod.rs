@@ -4,6 +4,7 @@
 pub(crate) mod bit_rows;
 pub(crate) mod cells;
 pub(crate) mod cubes;
+pub(crate) mod index;
 pub(crate) mod pieces;
 pub(crate) mod rays;
 pub(crate) mod reach;

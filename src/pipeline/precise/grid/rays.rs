@@ -68,14 +68,15 @@ pub(crate) fn directions() -> impl Iterator<Item = [isize; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::precise::grid::index::Cell;
 
     #[test]
     fn a_cell_in_a_shell_is_enclosed_and_one_on_a_plate_is_half_so() {
         let cells = Cells { origin: [0.0; 3], edge: 1.0, shape: [41, 41, 41] };
         let distance = |i: usize| {
-            cells.cell(i).iter().map(|&v| (v.abs_diff(20) * v.abs_diff(20)) as f64).sum::<f64>().sqrt()
+            cells.cell(i).0.iter().map(|&v| (v.abs_diff(20) * v.abs_diff(20)) as f64).sum::<f64>().sqrt()
         };
-        let middle = cells.offset([20, 20, 20]);
+        let middle = cells.offset(Cell([20, 20, 20]));
         assert_eq!(enclosure(&cells, middle, |i| (10.0..13.0).contains(&distance(i))), 1.0);
         // Nine of the 26 directions point down.
         assert_eq!(enclosure(&cells, middle, |i| cells.cell(i)[2] < 18), 9.0 / 26.0);

@@ -10,11 +10,12 @@ use super::label::{BALL_MM, Label, tissue};
 use crate::geometry::{Vec3, add};
 use crate::pipeline::precise::grid::bit_rows::BitRows;
 use crate::pipeline::precise::grid::cells::Cells;
+use crate::pipeline::precise::grid::index::{Cell, Voxel};
 use crate::pipeline::precise::grid::pieces::Pieces;
 use crate::pipeline::precise::grid::reach::within;
 use crate::pipeline::precise::scan::Scan;
 use crate::pipeline::precise::scan::levels::Levels;
-use crate::pipeline::precise::scan::sampler::{Sampler, nearest};
+use crate::pipeline::precise::scan::sampler::Sampler;
 use crate::pipeline::precise::scan::survey::Survey;
 
 /// What lies so close to the opened body belongs to it without further question, mm.
@@ -41,8 +42,8 @@ pub(super) struct OwnTissue {
 }
 
 impl OwnTissue {
-    /// Whether the clear tissue in a voxel `[z, y, x]` is the body's; `None` where there is none.
-    pub(super) fn at(&self, [z, y, x]: [usize; 3]) -> Option<bool> {
+    /// Whether the clear tissue in a voxel is the body's; `None` where there is none.
+    pub(super) fn at(&self, Voxel([z, y, x]): Voxel) -> Option<bool> {
         self.pieces.at(z, y, x).map(|piece| self.own[piece as usize])
     }
 
@@ -59,7 +60,7 @@ impl OwnTissue {
             [0.0, 0.0, r],
             [0.0, 0.0, -r],
         ] {
-            match self.at(nearest(sampler.clamped(add(centre, d)))) {
+            match self.at(sampler.clamped(add(centre, d)).nearest()) {
                 Some(true) => return Label::Patient,
                 Some(false) => found = Label::Other,
                 None => {}
@@ -131,7 +132,7 @@ fn core(sampler: &Sampler, cells: &Cells, labels: &[Label]) -> Option<Vec<bool>>
     let mut core = vec![false; cells.len()];
     inner.each_row(|[y, z], run| {
         if run.piece == main {
-            let row = cells.offset([0, y, z]);
+            let row = cells.offset(Cell([0, y, z]));
             core[row + run.start as usize..row + run.end as usize].fill(true);
         }
     });
@@ -189,7 +190,7 @@ fn opened(sampler: &Sampler, cells: &Cells, solid: impl Fn(usize) -> bool + Sync
 }
 
 fn piece_at(sampler: &Sampler, pieces: &Pieces, p: Vec3) -> Option<u32> {
-    let [z, y, x] = nearest(sampler.clamped(p));
+    let Voxel([z, y, x]) = sampler.clamped(p).nearest();
     pieces.at(z, y, x)
 }
 

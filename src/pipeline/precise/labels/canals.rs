@@ -171,6 +171,7 @@ fn walk(
 mod tests {
     use super::*;
     use crate::pipeline::precise::grid::cells::each_cell;
+    use crate::pipeline::precise::grid::index::Cell;
 
     /// A block of skin that ends at z = 30, with a tube of 5 mm that goes 22 mm in at (20, 20) and a
     /// groove of 4 mm along x, 9 mm deep, at y = 45.
@@ -182,14 +183,14 @@ mod tests {
         };
         let in_groove = |[_, y, z]: [usize; 3]| (22..=30).contains(&z) && (44..48).contains(&y);
         let mut air: Vec<Air> = (0..cells.len())
-            .map(|i| match cells.cell(i) {
+            .map(|i| match cells.cell(i).0 {
                 [_, _, z] if z > 30 => Air::Open,
                 cell if in_tube(cell) || in_groove(cell) => Air::Enclosed,
                 _ => Air::Solid,
             })
             .collect();
         close_canals(Asked::default(), &cells, &mut air);
-        each_cell(&cells, |i, cell| match cell {
+        each_cell(&cells, |i, Cell(cell)| match cell {
             [_, _, z] if z > 31 => assert_eq!(air[i], Air::Open, "open air at {cell:?}"),
             [_, _, z] if in_tube(cell) && z < 29 => assert_ne!(air[i], Air::Open, "tube at {cell:?}"),
             // Where the block ends so does the groove.

@@ -5,9 +5,9 @@ use rayon::prelude::*;
 use super::label::Label;
 use crate::observer::stop::Asked;
 use crate::pipeline::precise::grid::cells::Cells;
+use crate::pipeline::precise::grid::index::Voxel;
 use crate::pipeline::precise::grid::reach::within;
 use crate::pipeline::precise::scan::Scan;
-use crate::pipeline::precise::scan::sampler::nearest;
 use crate::pipeline::precise::scan::survey::Survey;
 
 /// What is so near the border of the field of view meets it, in cells: a cell upon it holds a mixture.
@@ -75,15 +75,15 @@ impl FieldBorder {
 /// Whether a voxel in a cell or next to it is the last one before the border and holds tissue.
 fn ends_in_tissue(scan: &Scan<'_>, cells: &Cells, cell: usize) -> bool {
     let Scan { sampler, levels, field_of_view, .. } = scan;
-    let middle = nearest(sampler.clamped(cells.centre(cells.cell(cell))));
+    let middle = sampler.clamped(cells.centre(cells.cell(cell))).nearest();
     let range = |a: usize| middle[a].saturating_sub(1)..(middle[a] + 2).min(sampler.shape[a]);
-    let is_last = |v: [usize; 3]| {
+    let is_last = |v: Voxel| {
         field_of_view.distance(v) == Some(1)
             || [1, 2].into_iter().any(|a| v[a] == 0 || v[a] + 1 == sampler.shape[a])
     };
     range(1).any(|y| {
         range(2).any(|x| {
-            let voxel = [middle[0], y, x];
+            let voxel = Voxel([middle[0], y, x]);
             is_last(voxel) && sampler.voxel(voxel) >= levels.middle()
         })
     })

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use super::label::Label;
 use super::patient::Patient;
 use crate::geometry::Vec3;
+use crate::pipeline::precise::grid::index::Cell;
 use crate::pipeline::precise::grid::rays::{Seen, view};
 use crate::pipeline::precise::scan::Scan;
-use crate::pipeline::precise::scan::sampler::nearest;
 use crate::pipeline::precise::scan::survey::Survey;
 
 /// The patient's head in the survey.
@@ -101,7 +101,7 @@ impl Head {
         let mut head = Self {
             brain_cm3: brain_mm3 / 1000.0,
             middle,
-            lower_end: cells.centre([0, 0, ends.lowest])[2] - 0.5 * cells.edge,
+            lower_end: cells.centre(Cell([0, 0, ends.lowest]))[2] - 0.5 * cells.edge,
             metal_cm3: of_survey.iter().map(|l| l.metal).sum::<usize>() as f64 * cell_cm3,
             cut_above_cm2: 0.0,
             cut_below_cm2: if ends.neck { 0.0 } else { cm2(ends.cut) },
@@ -127,7 +127,7 @@ impl Head {
                     p[axis] += way;
                     let index = sampler.index(p);
                     let left = |a: usize| index[a] < 0.0 || index[a] > (sampler.shape[a] - 1) as f64;
-                    let filled = sampler.within(index) == index && !field_of_view.holds(nearest(index));
+                    let filled = sampler.within(index) == index && !field_of_view.holds(index.nearest());
                     let upward = axis == 2 && way > 0.0;
                     above += usize::from(upward);
                     aside += usize::from(axis != 2 && (filled || [1, 2].into_iter().any(left)));
@@ -149,7 +149,7 @@ impl Head {
 
 /// The cells that are brain, of every so many along each axis, by layer: soft tissue in a closed shell of
 /// bone.
-fn brain(scan: &Scan<'_>, patient: &Patient) -> Vec<Vec<[usize; 3]>> {
+fn brain(scan: &Scan<'_>, patient: &Patient) -> Vec<Vec<Cell>> {
     let Scan { sampler, levels, .. } = scan;
     let Survey { cells, hu, seen, .. } = &patient.survey;
     let [nx, ny, nz] = cells.shape;
@@ -169,7 +169,7 @@ fn brain(scan: &Scan<'_>, patient: &Patient) -> Vec<Vec<[usize; 3]>> {
     let of_layer = |z: usize| {
         sampler.ask();
         let layer = (0..ny.div_ceil(STRIDE))
-            .flat_map(|y| (0..nx.div_ceil(STRIDE)).map(move |x| [x * STRIDE, y * STRIDE, z * STRIDE]));
+            .flat_map(|y| (0..nx.div_ceil(STRIDE)).map(move |x| Cell([x * STRIDE, y * STRIDE, z * STRIDE])));
         layer.filter(|&cell| is_brain(cells.offset(cell))).collect()
     };
     (0..nz.div_ceil(STRIDE)).into_par_iter().panic_fuse().map(of_layer).collect()

@@ -9,6 +9,7 @@ use super::label::Label;
 use crate::geometry::{Vec3, add, scale};
 use crate::observer::stop::Asked;
 use crate::pipeline::precise::grid::cells::Cells;
+use crate::pipeline::precise::grid::index::Cell;
 use crate::pipeline::precise::grid::pieces::Pieces;
 use crate::pipeline::precise::grid::rays::enclosure;
 use crate::pipeline::precise::grid::reach::within;
@@ -104,7 +105,7 @@ fn flood(asked: Asked<'_>, cells: &Cells, solid: impl Fn(usize) -> bool + Sync) 
         asked.ask();
         for y in 0..cells.shape[1] {
             for run in free.row(z, y).iter().filter(|r| reached[r.piece as usize]) {
-                let base = cells.offset([0, y, z]);
+                let base = cells.offset(Cell([0, y, z]));
                 ball[base + run.start as usize..base + run.end as usize].fill(true);
             }
         }

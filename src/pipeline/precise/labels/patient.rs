@@ -13,7 +13,6 @@ use crate::geometry::{Vec3, scale};
 use crate::pipeline::precise::grid::cells::Cells;
 use crate::pipeline::precise::grid::reach::within;
 use crate::pipeline::precise::scan::Scan;
-use crate::pipeline::precise::scan::sampler::nearest;
 use crate::pipeline::precise::scan::survey::Survey;
 
 /// Edge of the survey's cells, mm; larger where the patient is.
@@ -80,11 +79,11 @@ impl Patient {
         let steps = (DEEPEST_MM / DEPTH_MM) as usize;
         let inward = sampler.line(p, scale(n, -1.0));
         for d in (1..=steps).map(|step| step as f64 * DEPTH_MM) {
-            let index = nearest(sampler.within(inward.index(d)));
-            if let Some(own) = self.tissue.at(index) {
+            let voxel = sampler.within(inward.index(d)).nearest();
+            if let Some(own) = self.tissue.at(voxel) {
                 return Some((d, own));
             }
-            if d > CLEAR_MM && sampler.voxel(index) < levels.middle() {
+            if d > CLEAR_MM && sampler.voxel(voxel) < levels.middle() {
                 return None;
             }
         }

@@ -7,6 +7,7 @@ use crate::pipeline::precise::border::crossing::Crossing;
 use crate::pipeline::precise::border::rejected::Rejected;
 use crate::pipeline::precise::confidence::agreement::Agreement;
 use crate::pipeline::precise::grid::cells::each_cell;
+use crate::pipeline::precise::grid::index::Cell;
 use crate::pipeline::precise::labels::Labels;
 use crate::pipeline::precise::labels::head::Head;
 use crate::pipeline::precise::labels::label::Label;
@@ -64,7 +65,7 @@ impl Areas {
         let face = cells.edge * cells.edge / STAIRCASE;
         let foreign = |k: Label| matches!(k, Label::Attached | Label::Other);
         let labels = &patient.labels;
-        each_cell(cells, |i, [x, y, z]| {
+        each_cell(cells, |i, Cell([x, y, z])| {
             sampler.ask_at(i);
             if !patient.near_foreign[i] || labels[i] != Label::Patient {
                 return;
@@ -79,7 +80,7 @@ impl Areas {
             ];
             let faces = neighbours.iter().filter(|(is_in, j)| *is_in && foreign(labels[*j])).count();
             if faces > 0
-                && let Some(side) = side(cells.centre([x, y, z]))
+                && let Some(side) = side(cells.centre(Cell([x, y, z])))
             {
                 let area = faces as f64 * face;
                 self.missing[side][StretchReason::Touching as usize] += area;

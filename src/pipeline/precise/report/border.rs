@@ -28,7 +28,7 @@ pub(crate) fn border_points(
 ) -> Vec<BorderPoint> {
     let point = |place: Vec3, axis: u8, reason| {
         sampler.ask();
-        let mut index = sampler.index(place);
+        let mut index = sampler.index(place).0;
         for (a, v) in index.iter_mut().enumerate().filter(|(a, _)| *a != usize::from(axis)) {
             debug_assert!((*v - v.round()).abs() < 1e-3, "a line follows one axis, not {a}");
             *v = v.round();

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::levels::Levels;
 use super::sampler::Sampler;
 use crate::geometry::norm;
+use crate::pipeline::precise::grid::index::Voxel;
 
 /// A border no more voxels than this from what was filled is none that was measured.
 pub(crate) const RIM: usize = 2;
@@ -46,9 +47,9 @@ impl FieldOfView {
         field
     }
 
-    /// Whether a voxel `[z, y, x]` was reconstructed.
+    /// Whether a voxel was reconstructed.
     #[inline]
-    pub(crate) fn holds(&self, voxel: [usize; 3]) -> bool {
+    pub(crate) fn holds(&self, voxel: Voxel) -> bool {
         self.is_whole() || self.distance(voxel) != Some(0)
     }
 
@@ -57,9 +58,9 @@ impl FieldOfView {
         self.distance.iter().all(Vec::is_empty)
     }
 
-    /// How many voxels `[z, y, x]` is from what was not reconstructed; `None` if more than [`RIM`].
+    /// How many voxels one is from what was not reconstructed; `None` if more than [`RIM`].
     #[inline]
-    pub(crate) fn distance(&self, voxel: [usize; 3]) -> Option<usize> {
+    pub(crate) fn distance(&self, voxel: Voxel) -> Option<usize> {
         let along = |axis: usize| {
             let [a, b] = others(axis);
             self.distance[axis].get(voxel[a] * self.shape[b] + voxel[b]).copied()
@@ -77,7 +78,7 @@ fn voxels<'a>(sampler: &'a Sampler, axis: usize, line: usize) -> impl Iterator<I
     let [a, b] = others(axis);
     let mut voxel = [0; 3];
     (voxel[a], voxel[b]) = (line / sampler.shape[b], line % sampler.shape[b]);
-    let (first, stride) = (sampler.offset(voxel), sampler.stride(axis));
+    let (first, stride) = (sampler.offset(Voxel(voxel)), sampler.stride(axis));
     (0..sampler.shape[axis]).map(move |i| sampler.hu[first + i * stride])
 }
 

@@ -4,6 +4,7 @@
 use crate::geometry::{Axis, Grid, Vec3, add, cross, dot, norm, normalised, scale, sub};
 use crate::observer::Observer;
 use crate::observer::stop::Asked;
+use crate::pipeline::precise::grid::index::{Voxel, VoxelPlace};
 
 /// Read access to a volume by voxel, by fractional index and by place in LPS mm.
 ///
@@ -139,7 +140,7 @@ impl<'a> Sampler<'a> {
 
     /// Offset of a voxel in [`Self::hu`].
     #[inline]
-    pub(crate) fn offset(&self, [z, y, x]: [usize; 3]) -> usize {
+    pub(crate) fn offset(&self, Voxel([z, y, x]): Voxel) -> usize {
         (z * self.shape[1] + y) * self.shape[2] + x
     }
 
@@ -151,7 +152,7 @@ impl<'a> Sampler<'a> {
 
     /// Hounsfield units of a voxel.
     #[inline]
-    pub(crate) fn voxel(&self, index: [usize; 3]) -> f32 {
+    pub(crate) fn voxel(&self, index: Voxel) -> f32 {
         f32::from(self.hu[self.offset(index)])
     }
 
@@ -210,7 +211,7 @@ impl<'a> Sampler<'a> {
 
     /// The slice nearest to a place.
     pub(crate) fn slice_of(&self, p: Vec3) -> usize {
-        let k = nearest(self.index(p))[self.slice_axis];
+        let k = self.index(p).nearest()[self.slice_axis];
         k.min(self.shape[self.slice_axis] - 1)
     }
 
@@ -219,9 +220,9 @@ impl<'a> Sampler<'a> {
         self.step[axis]
     }
 
-    /// LPS mm of a fractional index `[z, y, x]`; beyond the volume the last step goes on.
+    /// LPS mm of a place in voxels; beyond the volume the last step goes on.
     #[inline]
-    pub(crate) fn lps(&self, index: [f64; 3]) -> Vec3 {
+    pub(crate) fn lps(&self, index: VoxelPlace) -> Vec3 {
         let s = index[self.slice_axis];
         let k = (s.floor().max(0.0) as usize).min(self.origins.len() - 2);
         let t = s - k as f64;
@@ -230,12 +231,12 @@ impl<'a> Sampler<'a> {
         add(p, add(scale(self.step[a], index[a]), scale(self.step[b], index[b])))
     }
 
-    /// Fractional index `[z, y, x]` of a place; outside the volume too.
+    /// A place of the patient in voxels; outside the volume too.
     #[inline]
-    pub(crate) fn index(&self, p: Vec3) -> [f64; 3] {
+    pub(crate) fn index(&self, p: Vec3) -> VoxelPlace {
         if let Some(rows) = &self.even {
             let r = sub(p, self.origins[0]);
-            return rows.map(|row| dot(r, row));
+            return VoxelPlace(rows.map(|row| dot(r, row)));
         }
         let h = dot(p, self.normal);
         let k = self.slice_below(h);
@@ -246,7 +247,7 @@ impl<'a> Sampler<'a> {
         index[self.slice_axis] = k as f64 + t;
         index[self.in_plane[0]] = dot(r, self.reciprocal[0]);
         index[self.in_plane[1]] = dot(r, self.reciprocal[1]);
-        index
+        VoxelPlace(index)
     }
 
     /// The line through a place whose parameter is in steps from there.
@@ -278,21 +279,21 @@ impl<'a> Sampler<'a> {
         self.sample_index(self.index(p))
     }
 
-    /// The nearest place within the volume, as a fractional index.
+    /// The nearest place within the volume, in voxels.
     #[inline]
-    pub(crate) fn clamped(&self, p: Vec3) -> [f64; 3] {
+    pub(crate) fn clamped(&self, p: Vec3) -> VoxelPlace {
         self.within(self.index(p))
     }
 
-    /// The nearest fractional index within the volume.
+    /// The nearest place within the volume.
     #[inline]
-    pub(crate) fn within(&self, index: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|a| index[a].clamp(0.0, self.last[a]))
+    pub(crate) fn within(&self, index: VoxelPlace) -> VoxelPlace {
+        VoxelPlace(std::array::from_fn(|a| index[a].clamp(0.0, self.last[a])))
     }
 
-    /// Hounsfield units at a fractional index, trilinear; `None` outside the voxel centres.
+    /// Hounsfield units at a place in voxels, trilinear; `None` outside the voxel centres.
     #[inline]
-    pub(crate) fn sample_index(&self, index: [f64; 3]) -> Option<f32> {
+    pub(crate) fn sample_index(&self, index: VoxelPlace) -> Option<f32> {
         let (mut base, mut t) = ([0; 3], [0f32; 3]);
         for axis in 0..3 {
             let v = index[axis];
@@ -304,7 +305,7 @@ impl<'a> Sampler<'a> {
             base[axis] = whole as usize;
             t[axis] = (v - f64::from(whole)) as f32;
         }
-        let o = self.offset(base);
+        let o = self.offset(Voxel(base));
         let (sz, sy) = (self.stride(0), self.stride(1));
         let row = |o: usize| {
             let pair = &self.hu[o..o + 2];
@@ -326,17 +327,17 @@ pub(crate) struct Line<'a> {
     sampler: &'a Sampler<'a>,
     from: Vec3,
     step: Vec3,
-    first: [f64; 3],
+    first: VoxelPlace,
     /// Of a step, where slices are even.
     each: Option<[f64; 3]>,
 }
 
 impl Line<'_> {
-    /// Fractional index `[z, y, x]` so many steps along the line.
+    /// The place in voxels so many steps along the line.
     #[inline]
-    pub(crate) fn index(&self, steps: f64) -> [f64; 3] {
+    pub(crate) fn index(&self, steps: f64) -> VoxelPlace {
         match self.each {
-            Some(each) => std::array::from_fn(|a| self.first[a] + steps * each[a]),
+            Some(each) => VoxelPlace(std::array::from_fn(|a| self.first[a] + steps * each[a])),
             None => self.sampler.index(add(self.from, scale(self.step, steps))),
         }
     }
@@ -346,10 +347,4 @@ impl Line<'_> {
     pub(crate) fn sample(&self, steps: f64) -> Option<f32> {
         self.sampler.sample_index(self.index(steps))
     }
-}
-
-/// The voxel nearest to a fractional index; where that is negative the first one.
-#[inline]
-pub(crate) fn nearest(index: [f64; 3]) -> [usize; 3] {
-    index.map(|v| ((v + 0.5) as i32).max(0) as usize)
 }

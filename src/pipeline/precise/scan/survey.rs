@@ -4,9 +4,10 @@
 use rayon::prelude::*;
 
 use super::field_of_view::FieldOfView;
-use super::sampler::{Sampler, nearest};
+use super::sampler::Sampler;
 use crate::geometry::Vec3;
 use crate::pipeline::precise::grid::cells::Cells;
+use crate::pipeline::precise::grid::index::{Cell, VoxelPlace};
 
 /// The survey reaches so far beyond the scan, mm; there the scan's last voxels go on, so that air
 /// next to the first slice stays open and a windpipe cut by the last one stays closed.
@@ -18,7 +19,7 @@ pub(crate) fn whole(sampler: &Sampler) -> [Vec3; 2] {
     let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
     for corner in 0..8 {
         let index = [0, 1, 2].map(|a| if corner >> a & 1 == 1 { last[a] } else { 0.0 });
-        let p = sampler.lps(index);
+        let p = sampler.lps(VoxelPlace(index));
         for a in 0..3 {
             low[a] = low[a].min(p[a] - MARGIN_MM);
             high[a] = high[a].max(p[a] + MARGIN_MM);
@@ -55,13 +56,13 @@ impl Survey {
         let rows = values.zip(below.par_chunks_mut(nx)).zip(aside.par_chunks_mut(nx));
         rows.enumerate().panic_fuse().for_each(|(row, (((hu, seen), below), aside))| {
             sampler.ask();
-            let start = cells.centre([0, row % ny, row / ny]);
+            let start = cells.centre(Cell([0, row % ny, row / ny]));
             let line = sampler.line(start, [cells.edge, 0.0, 0.0]);
             let row = hu.iter_mut().zip(seen).zip(below).zip(aside);
             for (x, (((hu, seen), below), aside)) in row.enumerate() {
                 let index = line.index(x as f64);
                 let clamped = sampler.within(index);
-                *seen = clamped == index && field.holds(nearest(index));
+                *seen = clamped == index && field.holds(index.nearest());
                 *below = index[0] > clamped[0];
                 *aside = !*seen && index[0] == clamped[0];
                 let v = sampler.sample_index(clamped).unwrap_or(0.0);

@@ -66,7 +66,7 @@ impl BetweenSlices {
             place: c.place,
             normal: c.normal,
             axis: c.axis,
-            inner: sampler.index(c.place).map(|v| v.round() as u16),
+            inner: sampler.index(c.place).rounded(),
             reason: StretchReason::Unresolved,
             measured: best.error,
             limit: DOUBTFUL_MM,

@@ -125,15 +125,15 @@ mod tests {
         let plate = |[x, y, _]: [usize; 3]| (5..55).contains(&x) && (30..34).contains(&y);
         let block = |[x, y, _]: [usize; 3]| (10..30).contains(&x) && (3..23).contains(&y);
         let solid = |at| plate(at) || block(at);
-        let kind = |i| if solid(cells.cell(i)) { Label::Patient } else { Label::Air };
+        let kind = |i| if solid(cells.cell(i).0) { Label::Patient } else { Label::Air };
         let mut labels: Vec<Label> = (0..n).map(kind).collect();
         let found = mark(Asked::default(), &survey, &mut labels);
         assert_eq!(found.len(), 2);
         for outline in found {
-            let is_plate = plate(cells.cell(outline.cells[0]));
+            let is_plate = plate(cells.cell(outline.cells[0]).0);
             assert_eq!(outline.thin, is_plate);
             assert_eq!(outline.cells.len(), if is_plate { 50 * 4 } else { 20 * 20 } * 80);
-            assert!(outline.cells.iter().all(|&i| plate(cells.cell(i)) == is_plate));
+            assert!(outline.cells.iter().all(|&i| plate(cells.cell(i).0) == is_plate));
         }
         assert!(labels.iter().all(|k| *k != Label::Patient), "both are marked as no patient's");
     }

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::observer::stop::Asked;
 use crate::pipeline::precise::grid::cells::Cells;
+use crate::pipeline::precise::grid::index::Cell;
 use crate::pipeline::precise::grid::pieces::Pieces;
 use crate::pipeline::precise::grid::reach::within;
 
@@ -31,7 +32,7 @@ pub(crate) fn are_large(
     drop(marked);
     let parts = Pieces::of(asked, cells.shape, |i| near[i]);
     let part_of = |i: usize| {
-        let [x, y, z] = cells.cell(i);
+        let Cell([x, y, z]) = cells.cell(i);
         parts.at(z, y, x).map(|part| part as usize)
     };
     let free = some.par_iter().enumerate().panic_fuse().map(|(n, &i)| {
@@ -72,7 +73,7 @@ impl Default for Bounds {
 
 impl Bounds {
     /// Takes a cell in.
-    pub(crate) fn add(&mut self, cell: [usize; 3]) {
+    pub(crate) fn add(&mut self, cell: Cell) {
         self.low = std::array::from_fn(|a| self.low[a].min(cell[a]));
         self.high = std::array::from_fn(|a| self.high[a].max(cell[a]));
     }
@@ -93,8 +94,8 @@ mod tests {
     fn parts_with_a_narrow_gap_are_one_and_a_nose_is_small() {
         let cells = Cells { origin: [0.0; 3], edge: 1.0, shape: [120, 80, 60] };
         let tube: Vec<usize> =
-            (5..105).filter(|x| !(50..56).contains(x)).map(|x| cells.offset([x, 5, 5])).collect();
-        let nose: Vec<usize> = (0..35).map(|i| cells.offset([40 + i / 2, 30 + i, 20 + i])).collect();
+            (5..105).filter(|x| !(50..56).contains(x)).map(|x| cells.offset(Cell([x, 5, 5]))).collect();
+        let nose: Vec<usize> = (0..35).map(|i| cells.offset(Cell([40 + i / 2, 30 + i, 20 + i]))).collect();
         let all = [tube.clone(), nose].concat();
         let large = are_large(Asked::default(), &cells, &all, |_| true);
         assert!(large.iter().enumerate().all(|(i, large)| *large == (i < tube.len())), "{large:?}");

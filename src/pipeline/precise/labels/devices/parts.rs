@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use super::large::{Bounds, LARGEST_PART_MM, are_large};
 use crate::observer::stop::Asked;
 use crate::pipeline::precise::grid::cells::Cells;
+use crate::pipeline::precise::grid::index::Cell;
 use crate::pipeline::precise::grid::pieces::Pieces;
 use crate::pipeline::precise::grid::rays::{directions, enclosure, ray};
 use crate::pipeline::precise::labels::label::Label;
@@ -101,8 +102,8 @@ impl Parts {
             asked.ask_at(y);
             let (bounds, roots) = &mut found[run.piece as usize];
             for x in run.start as usize..run.end as usize {
-                bounds.add([x, y, z]);
-                let offset = cells.offset([x, y, z]);
+                bounds.add(Cell([x, y, z]));
+                let offset = cells.offset(Cell([x, y, z]));
                 if cells.around(offset).any(|(i, axes)| axes == 1 && is_body(i)) {
                     roots.push(offset);
                 }
@@ -112,7 +113,7 @@ impl Parts {
         let mut short: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
         pieces.each_row(|[y, z], run| {
             asked.ask_at(y);
-            let start = cells.offset([run.start as usize, y, z]);
+            let start = cells.offset(Cell([run.start as usize, y, z]));
             let run_of = start..start + (run.end - run.start) as usize;
             let (bounds, roots) = &found[run.piece as usize];
             let diagonal = bounds.diagonal() * cells.edge;
@@ -132,12 +133,12 @@ impl Parts {
 
 /// How far a part reaches from the nearest of its `roots`, mm, to about a cell's edge.
 fn reach(cells: &Cells, part: &[usize], roots: &[usize]) -> f64 {
-    let some = |of: &[usize]| -> Vec<[usize; 3]> {
+    let some = |of: &[usize]| -> Vec<Cell> {
         of.iter().step_by(of.len() / ENOUGH + 1).map(|&i| cells.cell(i)).collect()
     };
     let roots = some(roots);
-    let to_root = |cell: [usize; 3]| {
-        let squared = |root: &[usize; 3]| (0..3).map(|a| cell[a].abs_diff(root[a]).pow(2)).sum::<usize>();
+    let to_root = |cell: Cell| {
+        let squared = |root: &Cell| (0..3).map(|a| cell[a].abs_diff(root[a]).pow(2)).sum::<usize>();
         roots.iter().map(squared).min().unwrap_or(0)
     };
     let furthest = some(part).into_par_iter().map(to_root).max().unwrap_or(0);
@@ -188,11 +189,11 @@ mod tests {
             true => Label::Patient,
             false => Label::Air,
         };
-        let mut labels: Vec<Label> = (0..cells.len()).map(|i| kind(cells.cell(i))).collect();
+        let mut labels: Vec<Label> = (0..cells.len()).map(|i| kind(cells.cell(i).0)).collect();
         let before = labels.clone();
-        let near: Vec<bool> = (0..cells.len()).map(|i| body(cells.cell(i))).collect();
+        let near: Vec<bool> = (0..cells.len()).map(|i| body(cells.cell(i).0)).collect();
         judge(Asked::default(), &cells, &mut labels, &near, |i| {
-            before[i] == Label::Air && !cavity(cells.cell(i))
+            before[i] == Label::Air && !cavity(cells.cell(i).0)
         });
         let expected = |at| match at {
             at if body(at) || ear(at) || nose(at) => Label::Patient,
@@ -201,7 +202,7 @@ mod tests {
             _ => Label::Air,
         };
         let mut wrong = 0;
-        each_cell(&cells, |i, at| wrong += usize::from(labels[i] != expected(at)));
+        each_cell(&cells, |i, at| wrong += usize::from(labels[i] != expected(at.0)));
         assert_eq!(wrong, 0);
     }
 }

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use super::large::are_large;
 use crate::geometry::{Vec3, add, dot, normalised, scale};
 use crate::pipeline::precise::grid::cells::Cells;
+use crate::pipeline::precise::grid::index::Cell;
 use crate::pipeline::precise::grid::reach::within;
 use crate::pipeline::precise::labels::label::Label;
 use crate::pipeline::precise::scan::levels::Levels;
@@ -254,7 +255,7 @@ fn normal(cells: &Cells, labels: &[Label], i: usize) -> Option<Vec3> {
 
 /// Outward unit normal from the mean place of the solid cells around.
 fn normal_of(cells: &Cells, labels: &[Label], i: usize, solid: impl Fn(Label) -> bool) -> Option<Vec3> {
-    let [x, y, z] = cells.cell(i);
+    let Cell([x, y, z]) = cells.cell(i);
     let r = NORMAL_REACH;
     let mut sum = [0.0; 3];
     for dz in -r..=r {
@@ -269,7 +270,7 @@ fn normal_of(cells: &Cells, labels: &[Label], i: usize, solid: impl Fn(Label) ->
                 if x < cells.shape[0]
                     && y < cells.shape[1]
                     && z < cells.shape[2]
-                    && solid(labels[cells.offset([x, y, z])])
+                    && solid(labels[cells.offset(Cell([x, y, z]))])
                 {
                     for a in 0..3 {
                         sum[a] -= step[a] as f64;

@@ -3,12 +3,12 @@
 
 use rayon::prelude::*;
 
+use super::touching::BESIDE_MM;
 use crate::geometry::Vec3;
 use crate::pipeline::precise::border::crossing::Crossing;
 use crate::pipeline::precise::border::rejected::Rejected;
 use crate::pipeline::precise::grid::cubes::key;
 use crate::pipeline::precise::reason::StretchReason;
-use crate::pipeline::precise::rules::touching::BESIDE_MM;
 use crate::pipeline::precise::scan::levels::Levels;
 use crate::pipeline::precise::scan::sampler::Sampler;
 pub(crate) mod fill;
@@ -88,7 +88,7 @@ impl Covered {
                     place: c.place,
                     normal: c.normal,
                     axis: c.axis,
-                    inner: sampler.index(c.place).map(|v| v.round() as u16),
+                    inner: sampler.index(c.place).rounded(),
                     reason,
                     measured,
                     limit,

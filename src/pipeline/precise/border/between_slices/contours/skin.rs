@@ -3,6 +3,7 @@
 use super::{Contours, FLATTEST, furthest, shift};
 use crate::geometry::{Plane, PlaneSet, Vec3, add, dot, normalised, scale};
 use crate::pipeline::precise::border::crossing::Crossing;
+use crate::pipeline::precise::grid::index::VoxelPlace;
 use crate::pipeline::precise::scan::sampler::Sampler;
 
 /// Images between two slices are made this far apart at most, mm.
@@ -94,7 +95,7 @@ impl Contours {
     fn point(&self, sampler: &Sampler, level: Level, place: [f64; 2], way: Way) -> Option<Crossing> {
         let (Level { k, t, gap }, Way { along, outward }) = (level, way);
         let slice_axis = sampler.slice_axis();
-        let mut index = [0.0; 3];
+        let mut index = VoxelPlace([0.0; 3]);
         index[slice_axis] = k as f64 + t;
         index[self.axes[0]] = place[0] + self.low[0] as f64;
         index[self.axes[1]] = place[1] + self.low[1] as f64;
