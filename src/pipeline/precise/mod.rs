@@ -2,7 +2,7 @@
 //!
 //! It keeps the paper's approach, three planes and a reason for what is left out, and replaces its
 //! fixed thresholds by what the scan itself shows, as the paper's section 5 proposes for future
-//! work. Five stages, each handing its result to the next ([`run`]):
+//! work. Five stages, each handing its result to the next (`run.rs`):
 //!
 //! | stage | folder | what it tells |
 //! |---|---|---|

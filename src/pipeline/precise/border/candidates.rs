@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::candidate::Candidate;
 use super::edge_fit;
+use super::local_levels::AtSkin;
 use super::rejected::Rejected;
 use super::sighting::{Pair, Rule, Sighting};
 use super::split::joined;
@@ -64,7 +65,7 @@ fn judge(
         return Some(Err(sighting.rejected(refusal)));
     }
     let Sighting { pair, inner, place, normal, .. } = sighting;
-    let (tissue, air) = around(scan, &labels.patient, place, normal);
+    let AtSkin { tissue, air } = around(scan, &labels.patient, place, normal);
     Some(Ok(Candidate {
         inner: inner.short(),
         axis: pair.axis as u8,
@@ -78,7 +79,7 @@ fn judge(
 }
 
 /// Level of the tissue inside and of the air outside, as far as they show there.
-fn around(scan: &Scan<'_>, patient: &Patient, p: Vec3, n: Vec3) -> (f32, f32) {
+fn around(scan: &Scan<'_>, patient: &Patient, p: Vec3, n: Vec3) -> AtSkin {
     let Scan { sampler, levels, .. } = scan;
     let line = sampler.line(p, n);
     let at = |d: f64| line.sample(d);
@@ -87,9 +88,9 @@ fn around(scan: &Scan<'_>, patient: &Patient, p: Vec3, n: Vec3) -> (f32, f32) {
     // At the ends of the scan nothing is seen of one of them.
     let (tissue, air) = (tissue.unwrap_or(levels.tissue), air.unwrap_or(levels.air));
     if patient.is_near_foreign(p) {
-        return (tissue, gap(levels.air, tissue, air));
+        return AtSkin { tissue, air: gap(levels.air, tissue, air) };
     }
-    (tissue, air)
+    AtSkin { tissue, air }
 }
 
 /// The level of the air that puts the half-way place at the skin, where `seen` is the least between

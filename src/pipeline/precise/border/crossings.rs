@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::candidate::Candidate;
 use super::crossing::Crossing;
 use super::edge_fit::{self, Profile};
-use super::local_levels::{LocalLevels, median};
+use super::local_levels::{AtSkin, LocalLevels, median};
 use super::rejected::Rejected;
 use super::split::parted;
 use crate::geometry::{Axis, Plane, PlaneSet, Vec3, cross, dot, normalised};
@@ -31,7 +31,7 @@ pub(crate) fn measure(
     let Scan { sampler, levels, .. } = scan;
     let steep = Steep::new(sampler);
     let (usual_air, usual_decline) = rayon::join(
-        || median((0..candidates.len()).map(|i| local.levels(i).1)),
+        || median((0..candidates.len()).map(|i| local.at(i).air)),
         || median(candidates.iter().map(|c| c.decline)),
     );
     let crossing = |(i, c): (usize, &Candidate)| {
@@ -45,7 +45,7 @@ pub(crate) fn measure(
             limit,
         };
         sampler.ask_at(i);
-        let (tissue, air) = local.levels(i);
+        let AtSkin { tissue, air } = local.at(i);
         let contrast = f64::from(tissue - air);
         let step = sampler.mean_step(usize::from(c.axis));
         let across = dot(c.normal, step).abs();

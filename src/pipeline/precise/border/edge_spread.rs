@@ -2,7 +2,7 @@
 
 use super::candidate::Candidate;
 use super::edge_fit::probit;
-use super::local_levels::LocalLevels;
+use super::local_levels::{AtSkin, LocalLevels};
 use crate::geometry::{dot, norm};
 use crate::pipeline::precise::grid::index::Voxel;
 use crate::pipeline::precise::scan::edge_spread::EdgeSpread;
@@ -24,7 +24,7 @@ pub(crate) fn measure(
     sampler: &Sampler,
     levels: &Levels,
     candidates: &[Candidate],
-    regions: &LocalLevels,
+    local: &LocalLevels,
 ) -> EdgeSpread {
     let mut sums = [[0.0; 2]; 3];
     for (i, c) in candidates.iter().enumerate() {
@@ -35,7 +35,7 @@ pub(crate) fn measure(
         if cosine < 0.9 {
             continue;
         }
-        let (tissue, air) = regions.levels(i);
+        let AtSkin { tissue, air } = local.at(i);
         let length = dot(c.normal, sampler.step_at(axis, usize::from(c.inner[axis]))).abs();
         let lowest = levels.least_share(tissue, air).map_or(COUNTED[0], |least| least.max(COUNTED[0]));
         let counted = [lowest, COUNTED[1]];

@@ -23,16 +23,26 @@ const MOST_AIR: f32 = 450.0;
 /// Widest edge, as a standard deviation, that is over where the air is looked at, mm.
 const WIDE_MM: f64 = 0.9;
 
+/// The levels on both sides of the skin at one place, HU.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct AtSkin {
+    /// Of the tissue inside.
+    pub(crate) tissue: f32,
+    /// Of the air outside.
+    pub(crate) air: f32,
+}
+
 /// The levels at every candidate.
 #[derive(Debug)]
 pub(crate) struct LocalLevels {
-    levels: Vec<(f32, f32)>,
+    /// Those of each region.
+    levels: Vec<AtSkin>,
     cubes: Cubes,
 }
 
 /// The highest level that air at the skin is taken for, relative to air, HU.
-pub(crate) fn most_air(width: &EdgeSpread) -> f32 {
-    if width.in_plane().max(width.across()) < WIDE_MM { MOST_AIR } else { MOST_AIR_OF_WIDE }
+pub(crate) fn most_air(edge_spread: &EdgeSpread) -> f32 {
+    if edge_spread.in_plane().max(edge_spread.across()) < WIDE_MM { MOST_AIR } else { MOST_AIR_OF_WIDE }
 }
 
 impl LocalLevels {
@@ -57,17 +67,17 @@ impl LocalLevels {
             asked.ask();
             let candidates = || members.iter().map(|m| &candidates[m.1 as usize]);
             let (tissue, air) = (median(candidates().map(|c| c.tissue)), median(candidates().map(|c| c.air)));
-            (
-                tissue.clamp(levels.tissue + TISSUE[0], levels.tissue + TISSUE[1]),
-                air.clamp(levels.air + lowest, levels.air + most_air),
-            )
+            AtSkin {
+                tissue: tissue.clamp(levels.tissue + TISSUE[0], levels.tissue + TISSUE[1]),
+                air: air.clamp(levels.air + lowest, levels.air + most_air),
+            }
         };
         Self { levels: regions.par_iter().panic_fuse().map(of_region).collect(), ..self }
     }
 
-    /// Tissue and air at a candidate, HU.
+    /// Those at a candidate.
     #[inline]
-    pub(crate) fn levels(&self, candidate: usize) -> (f32, f32) {
+    pub(crate) fn at(&self, candidate: usize) -> AtSkin {
         self.levels[self.cubes.cube(candidate)]
     }
 }

@@ -13,14 +13,14 @@ use crate::pipeline::precise::scan::sampler::Sampler;
 /// edge, before the next layer begins, with what the air lends to it taken off.
 pub(crate) fn refine_levels(
     sampler: &Sampler,
-    width: &EdgeSpread,
-    regions: &LocalLevels,
+    edge_spread: &EdgeSpread,
+    local: &LocalLevels,
     candidates: &mut [Candidate],
 ) {
     candidates.par_iter_mut().enumerate().panic_fuse().for_each(|(i, c)| {
         sampler.ask_at(i);
-        let (_, air) = regions.levels(i);
-        let sigma = width.seen_along(sampler, c.normal);
+        let air = local.at(i).air;
+        let sigma = edge_spread.seen_along(sampler, c.normal);
         // The tissue's share of what is seen at a depth is known; the rest is air.
         let inward = sampler.line(c.place, scale(c.normal, -1.0));
         let level = |depth: f64| {

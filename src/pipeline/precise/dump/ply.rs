@@ -1,5 +1,7 @@
 //! Places with their evidence as PLY, binary and little endian, every property a double.
 
+use std::fmt::Write as _;
+
 use super::columns::{Column, Place};
 use crate::pipeline::precise::border::crossing::Crossing;
 use crate::pipeline::precise::border::rejected::Rejected;
@@ -9,11 +11,11 @@ pub(super) fn encode(columns: &[Column], measured: &[Crossing], rejected: &[Reje
     let count = measured.len() + rejected.len();
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
     for Column { name, meaning, .. } in columns {
-        header.push_str(&format!("comment {name}: {meaning}\n"));
+        writeln!(header, "comment {name}: {meaning}").expect("a string takes it");
     }
-    header.push_str(&format!("element vertex {count}\n"));
+    writeln!(header, "element vertex {count}").expect("a string takes it");
     for Column { name, .. } in columns {
-        header.push_str(&format!("property double {name}\n"));
+        writeln!(header, "property double {name}").expect("a string takes it");
     }
     header.push_str("end_header\n");
     let mut file = header.into_bytes();
