@@ -31,8 +31,8 @@ fn stages(volume: &Volume, wish: &Wish<'_>, observer: &dyn Observer) -> Result<S
     let slices = without_empty_ends(volume, observer)?;
     let scan = Scan::of(&slices, observer)?;
     let labels = inspected(&scan, Labels::of(&scan)?);
-    let border = inspected(&scan, Border::of(&scan, &labels, &AT_FIRST_SIGHT)?);
-    let verdicts = inspected(&scan, Verdicts::of(&scan, &labels, border));
-    let skin = inspected(&scan, Skin::of(&scan, &labels, &verdicts, wish));
+    let border = inspected(&scan, Border::of(&scan, labels, &AT_FIRST_SIGHT)?);
+    let verdicts = inspected(&scan, Verdicts::of(&scan, border));
+    let skin = inspected(&scan, Skin::of(&scan, &verdicts, wish));
     Ok(skin.counted_from(scan.sampler.slice_axis(), slices.first))
 }

@@ -3,7 +3,6 @@
 use super::cloud::clouds::Clouds;
 use super::cloud::point::SkinPoint;
 use super::confidence::motion::largest_step;
-use super::labels::Labels;
 use super::report::assess::{self, Areas};
 use super::report::border::{BorderPoint, border_points};
 use super::report::quality::{Quality, QualityLimits};
@@ -44,8 +43,9 @@ pub struct Skin {
 
 impl Skin {
     /// One point for each leaf, with its error; and the report on the whole.
-    pub(super) fn of(scan: &Scan<'_>, labels: &Labels, verdicts: &Verdicts, wish: &Wish<'_>) -> Self {
+    pub(super) fn of(scan: &Scan<'_>, verdicts: &Verdicts, wish: &Wish<'_>) -> Self {
         let sampler = &scan.sampler;
+        let Verdicts { patient, head, .. } = verdicts;
         let (all, accepted, rejected) = (verdicts.all(), &verdicts.accepted, &verdicts.rejected);
         scan.tell(Stage::Downsampling, 0.0);
         // What one thread does alone, beside what all do.
@@ -56,9 +56,9 @@ impl Skin {
                     || (rows(sampler, accepted, rejected), border_points(sampler, accepted, rejected)),
                     || {
                         sampler.ask();
-                        let areas = Areas::of(sampler, labels, accepted, rejected);
+                        let areas = Areas::of(sampler, patient, head, accepted, rejected);
                         sampler.ask();
-                        (areas, largest_step(sampler, all, labels.head.middle))
+                        (areas, largest_step(sampler, all, head.middle))
                     },
                 )
             },
@@ -69,7 +69,7 @@ impl Skin {
             motion_mm,
             points: &clouds.agreements,
         };
-        let quality = assess::quality(scan, &labels.head, &measured);
+        let quality = assess::quality(scan, head, &measured);
         let quality = Quality { doubtful_slices: wish.doubtful_slices, ..quality }.judge(wish.limits);
         scan.tell(Stage::Downsampling, 1.0);
         let Clouds { points, uniplanar, measured, .. } = clouds;

@@ -16,6 +16,8 @@ pub(crate) mod sighting;
 pub(crate) mod split;
 
 use super::labels::Labels;
+use super::labels::head::Head;
+use super::labels::patient::Patient;
 use super::no_skin::NoSkin;
 use super::scan::Scan;
 use super::scan::edge_spread::EdgeSpread;
@@ -29,6 +31,10 @@ use sighting::Rule;
 /// The border of the patient, measured.
 #[derive(Debug)]
 pub(crate) struct Border {
+    /// Which tissue is the patient, and which a device.
+    pub(crate) patient: Patient,
+    /// Where the head is, and where it ends.
+    pub(crate) head: Head,
     /// What lines of the scan show.
     pub(crate) seen: Vec<Crossing>,
     /// The same with what was interpolated between thick slices; `None` where slices need no help.
@@ -44,10 +50,12 @@ impl Border {
     ///
     /// # Errors
     /// [`NoSkin::NoBorder`].
-    pub(crate) fn of(scan: &Scan<'_>, labels: &Labels, rules: &[Rule]) -> Result<Self, NoSkin> {
+    pub(crate) fn of(scan: &Scan<'_>, labels: Labels, rules: &[Rule]) -> Result<Self, NoSkin> {
         let Scan { sampler, levels, .. } = scan;
         let asked = sampler.asked();
-        let (mut candidates, mut rejected) = candidates::find(scan, labels, rules);
+        let (mut candidates, mut rejected) = candidates::find(scan, &labels, rules);
+        // Nobody asks for the air any more, and it is large.
+        let Labels { patient, head, .. } = labels;
         if candidates.is_empty() {
             return Err(NoSkin::NoBorder);
         }
@@ -70,6 +78,6 @@ impl Border {
         }
         sampler.ask();
         let with_between = between.map(|between| between.fill(sampler, seen.clone()));
-        Ok(Self { seen, with_between, rejected, edge_spread })
+        Ok(Self { patient, head, seen, with_between, rejected, edge_spread })
     }
 }

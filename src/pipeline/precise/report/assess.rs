@@ -8,7 +8,6 @@ use crate::pipeline::precise::border::rejected::Rejected;
 use crate::pipeline::precise::confidence::agreement::Agreement;
 use crate::pipeline::precise::grid::cells::each_cell;
 use crate::pipeline::precise::grid::index::Cell;
-use crate::pipeline::precise::labels::Labels;
 use crate::pipeline::precise::labels::head::Head;
 use crate::pipeline::precise::labels::label::Label;
 use crate::pipeline::precise::labels::patient::Patient;
@@ -32,11 +31,11 @@ impl Areas {
     /// The skin of the head: that of the patient from the neck up.
     pub(crate) fn of(
         sampler: &Sampler,
-        labels: &Labels,
+        patient: &Patient,
+        head: &Head,
         accepted: &[Crossing],
         rejected: &[Rejected],
     ) -> Self {
-        let Labels { patient, head, .. } = labels;
         let mut areas = Self::default();
         let side = |p: Vec3| (p[2] >= head.lower_end).then(|| Side::of(p, head.middle) as usize);
         for (i, c) in accepted.iter().enumerate() {

@@ -15,7 +15,8 @@ use super::border::Border;
 use super::border::crossing::Crossing;
 use super::border::rejected::Rejected;
 use super::border::sighting::Rule;
-use super::labels::Labels;
+use super::labels::head::Head;
+use super::labels::patient::Patient;
 use super::reason::StretchReason;
 use super::scan::Scan;
 use super::scan::edge_spread::EdgeSpread;
@@ -36,6 +37,10 @@ pub(crate) const AT_FIRST_SIGHT: [Rule; 6] = [
 /// The border, judged.
 #[derive(Debug)]
 pub(crate) struct Verdicts {
+    /// Which tissue is the patient, and which a device.
+    pub(crate) patient: Patient,
+    /// Where the head is, and where it ends.
+    pub(crate) head: Head,
     /// Skin, where lines of the scan show it.
     pub(crate) accepted: Vec<Crossing>,
     /// The same with the skin between thick slices; `None` where slices need no help.
@@ -48,12 +53,13 @@ pub(crate) struct Verdicts {
 
 impl Verdicts {
     /// Takes out of the border what lies under something.
-    pub(crate) fn of(scan: &Scan<'_>, labels: &Labels, border: Border) -> Self {
+    pub(crate) fn of(scan: &Scan<'_>, border: Border) -> Self {
         let Scan { sampler, levels, .. } = scan;
-        let Border { seen: mut accepted, mut with_between, mut rejected, edge_spread } = border;
+        let Border { patient, head, seen: mut accepted, mut with_between, mut rejected, edge_spread } =
+            border;
         let of_canals = rejected.iter().filter(|one| one.reason == StretchReason::Canal);
         let canals: Vec<Vec3> = of_canals.map(|one| one.place).collect();
-        let near_foreign = |place| labels.patient.is_near_foreign(place);
+        let near_foreign = |place| patient.is_near_foreign(place);
         let all = with_between.as_ref().unwrap_or(&accepted);
         sampler.ask();
         let covered = Covered::of(sampler, levels, all, &canals, near_foreign);
@@ -68,7 +74,7 @@ impl Verdicts {
             });
         }
         scan.tell(Stage::Crossings, 1.0);
-        Self { accepted, with_between, rejected, edge_spread }
+        Self { patient, head, accepted, with_between, rejected, edge_spread }
     }
 
     /// All skin, that between thick slices too.
