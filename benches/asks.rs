@@ -89,7 +89,7 @@ fn asker() -> String {
     let trace = std::backtrace::Backtrace::force_capture().to_string();
     let ours = trace.lines().filter_map(|line| line.split_once("triplanar::"));
     let ours =
-        ours.map(|(_, name)| name).filter(|name| !name.contains("stop::") && !name.contains("Space>::ask"));
+        ours.map(|(_, name)| name).filter(|name| !name.contains("stop::") && !name.contains("Sampler>::ask"));
     let mut names: Vec<&str> = ours.collect();
     names.dedup();
     names.truncate(3);

@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A stage of a reconstruction, in the order in which they run; each profile has its own of them
-/// ([`crate::pipeline::Profile::stages`]).
+/// A stage of a reconstruction, in the order in which they run; each profile has its own of them.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema,
 )]

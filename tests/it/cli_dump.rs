@@ -115,11 +115,13 @@ fn what_the_stages_hand_on_is_where_the_head_is_and_adds_up_to_the_report() {
 
     let (border, verdicts) = (vertices(&file("border.ply")), vertices(&file("verdicts.ply")));
     assert_eq!(border.len(), verdicts.len(), "a verdict on all of the border");
-    for skin in verdicts.iter().filter(|place| place["reason"] == 0.0) {
-        let place = ["x", "y", "z"].map(|axis| skin[axis]);
-        assert!(phantom.signed_distance(place).abs() < 1.0, "{place:?} is off the skin");
-        assert!(skin["error_mm"] >= 0.0 && skin["measured"].is_nan());
-    }
+    let skin: Vec<_> = verdicts.iter().filter(|place| place["reason"] == 0.0).collect();
+    assert!(skin.iter().all(|place| place["error_mm"] >= 0.0 && place["measured"].is_nan()));
+    let off = |place: &&&HashMap<String, f64>| {
+        phantom.signed_distance(["x", "y", "z"].map(|axis| place[axis])).abs() > 0.5
+    };
+    let off = skin.iter().filter(off).count();
+    assert!(off * 200 < skin.len(), "{off} of {} places are more than 0.5 mm off the skin", skin.len());
     let report: serde_json::Value =
         serde_json::from_slice(&std::fs::read(dir.path().join("r.json")).expect("a report")).expect("JSON");
     let in_plane = |bit: u64| {

@@ -124,6 +124,7 @@ impl Inspect for Border {
     }
 }
 
+/// What was interpolated between slices and lies under something is left out: it was no measurement.
 impl Inspect for Verdicts {
     fn check(&self, _: &Scan<'_>) -> Result<(), String> {
         check_places(self.all(), &self.rejected)
