@@ -78,6 +78,9 @@ impl Skin {
 
     /// Counts the slices across an axis `[z, y, x]` of the volume from so many before the first.
     pub(super) fn counted_from(mut self, axis: usize, before: usize) -> Self {
+        if before == 0 {
+            return self;
+        }
         for slice in self.slices.iter_mut().filter(|slice| across(slice.plane) == axis) {
             slice.index += before;
         }
