@@ -14,7 +14,8 @@ use std::time::{Duration, Instant};
 
 use triplanar::dicom::series::ReadLimits;
 use triplanar::dicom::source::InstanceSource;
-use triplanar::pipeline::{Observer, Parameters, Profile, Silent, Stage};
+use triplanar::observer::{Observer, Silent, Stage};
+use triplanar::pipeline::{Parameters, Profile};
 use triplanar::reconstruction::{run, run_with_pictures};
 
 /// Shorter ones are not looked at.
@@ -88,7 +89,7 @@ fn asker() -> String {
     let trace = std::backtrace::Backtrace::force_capture().to_string();
     let ours = trace.lines().filter_map(|line| line.split_once("triplanar::"));
     let ours =
-        ours.map(|(_, name)| name).filter(|name| !name.contains("stop::") && !name.contains("Space>::ask"));
+        ours.map(|(_, name)| name).filter(|name| !name.contains("stop::") && !name.contains("Sampler>::ask"));
     let mut names: Vec<&str> = ours.collect();
     names.dedup();
     names.truncate(3);

@@ -12,10 +12,12 @@ use std::hint::black_box;
 use stopwatch::timed;
 use triplanar::dicom::Volume;
 use triplanar::geometry::Plane;
+use triplanar::observer::Silent;
 use triplanar::phantom::{Options, Phantom};
-use triplanar::pipeline::contour::external_contours;
-use triplanar::pipeline::mask::mask;
-use triplanar::pipeline::{Parameters, Silent, radius_outlier, reconstruct, slices, statistical_outlier};
+use triplanar::pipeline::paper::contour::external_contours;
+use triplanar::pipeline::paper::mask::mask;
+use triplanar::pipeline::paper::{radius_outlier, statistical_outlier};
+use triplanar::pipeline::{Parameters, reconstruct, slices};
 
 /// 512 × 512 pixels of 0.45 mm, 280 slices of 0.625 mm.
 fn volume() -> Volume {

@@ -1,5 +1,7 @@
 //! Settings: compiled-in defaults ← file ← environment ← flags.
 
+mod host_name;
+
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -10,9 +12,10 @@ use crate::crowd::Network;
 use crate::dicom::ae_title::AeTitle;
 use crate::dicom::scan::Limits;
 use crate::dicom::series::ReadLimits;
-use crate::http::is_host;
 use crate::memory;
 use crate::pipeline::Parameters;
+
+pub(crate) use host_name::HostName;
 
 /// `config/triplanar.toml`: explains every setting and *is* the defaults.
 pub const DEFAULTS: &str = include_str!("../config/triplanar.toml");
@@ -326,7 +329,7 @@ impl Config {
         }
         range(
             "http.hosts",
-            self.http.hosts.iter().all(|host| is_host(host)),
+            self.http.hosts.iter().all(|host| HostName::listed(host).is_some()),
             "names or addresses without scheme, port and path, such as \"ct.example.org\"",
         )?;
         let is_ae_title = |title: &str| AeTitle::parse(title).is_some_and(|title| !title.as_str().is_empty());

@@ -4,6 +4,7 @@
 //! Messages tell the reader what to do next and never carry a patient's identity. What went wrong
 //! inside ([`Error::Internal`]) is logged and not sent.
 
+use crate::dicom::scan::ScanError;
 use crate::dicom::uid::{SeriesInstanceUid, SopClassUid, SopInstanceUid, TransferSyntaxUid};
 
 /// The result of an operation of the service.
@@ -387,6 +388,24 @@ impl From<crate::cloud::Unfiltered> for Error {
         match error {
             crate::cloud::Unfiltered::NoErrors(error) => Self::NoExpectedErrors(error),
             nothing_left => Self::EmptyCloud(format!("{nothing_left}; ask for a larger max_error_mm")),
+        }
+    }
+}
+
+impl From<ScanError> for Error {
+    fn from(error: ScanError) -> Self {
+        match error {
+            ScanError::NotDicom(detail) => Self::NotDicom(detail),
+            ScanError::Malformed(detail) => Self::MalformedDataSet(detail),
+            ScanError::Missing { attribute } => Self::MissingAttribute { attribute },
+            ScanError::UnsupportedTransferSyntax(uid) => Self::UnsupportedTransferSyntax(uid),
+            ScanError::UnsupportedSopClass(uid) => Self::UnsupportedSopClass(uid),
+            ScanError::InflatesTooMuch { limit_bytes } => {
+                Self::TooLarge { limit_bytes, setting: "intake.max_inflated_bytes" }
+            }
+            ScanError::NoMemory(error) => error.into(),
+            ScanError::Stopped => Self::ShuttingDown,
+            ScanError::Io(error) => error.into(),
         }
     }
 }

@@ -14,7 +14,7 @@
 //! | [`jobs`] | the durable queue and its workers |
 //! | [`dicom`] | bounded scan, decoding, series → [`dicom::Volume`] |
 //! | [`geometry`] | voxel index ↔ LPS mm, planes and frames |
-//! | [`pipeline`] | the paper: [`dicom::Volume`] → slices → contours → clouds, one file a step |
+//! | [`pipeline`] | [`dicom::Volume`] → skin: the paper, one file a step; `precise`, five stages |
 //! | [`cloud`] | [`cloud::PointCloud`] and its formats |
 //! | [`reconstruction`] | the whole way from instances to clouds and report, without a service |
 //! | [`evaluation`] | the paper's evaluation: a cloud against the truth, ICP, any cloud or mesh file |
@@ -22,6 +22,7 @@
 //! | [`phantom`] | a synthetic head CT whose skin is known exactly |
 //! | [`cli`] | the command line |
 //! | [`error`] | what can be refused, and its one mapping to DIMSE status and problem+json |
+//! | [`observer`] | watches what takes long, and stops it |
 //! | [`memory`] | the one budget of memory for jobs, decoding and answers |
 //! | [`telemetry`] | metrics and log set-up |
 //! | [`service`] | starts all of it, stops all of it |
@@ -29,8 +30,8 @@
 //! `geometry`, `dicom`, `pipeline`, `cloud`, `evaluation`, `render`, `phantom` and `reconstruction` are
 //! plain synchronous code. Only `dimse`, `intake`, `jobs`, `store`, `http` and `service` know tokio.
 //!
-//! Where to add: a rejection rule → `pipeline/rules/`; a cloud format → `cloud/formats/`; a DIMSE
-//! service → `dimse/services/`; another database → `store/catalog/`.
+//! Where to add: a rejection rule → `pipeline/paper/rules/`, `pipeline/precise/rules/`; a cloud format →
+//! `cloud/formats/`; a DIMSE service → `dimse/services/`; another database → `store/catalog/`.
 
 pub mod cli;
 pub mod cloud;
@@ -45,6 +46,8 @@ pub mod http;
 pub mod intake;
 pub mod jobs;
 pub mod memory;
+mod named;
+pub mod observer;
 pub mod phantom;
 pub mod pipeline;
 pub mod reconstruction;

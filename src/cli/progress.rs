@@ -6,7 +6,8 @@ use std::sync::{Mutex, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::pipeline::{Observer, Profile, Stage};
+use crate::observer::{Observer, Stage};
+use crate::pipeline::Profile;
 
 /// Steps of the bar.
 const STEPS: f64 = 1000.0;

@@ -3,7 +3,25 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use crate::store::IdentityField;
+use crate::named::named;
+
+named! {
+    /// What of an identity a correction changed.
+    IdentityField {
+        /// Patient ID (0010,0020).
+        PatientId = "patient_id",
+        /// Issuer of Patient ID (0010,0021).
+        IssuerOfPatientId = "issuer_of_patient_id",
+        /// Patient's Name (0010,0010).
+        PatientName = "patient_name",
+        /// Patient's Birth Date (0010,0030).
+        PatientBirthDate = "patient_birth_date",
+        /// Patient's Sex (0010,0040).
+        PatientSex = "patient_sex",
+        /// Accession Number (0008,0050).
+        AccessionNumber = "accession_number",
+    }
+}
 
 /// The attributes that a correction of a patient's identity changes, without padding, in the
 /// characters that they stand for. `None` where an attribute is absent or empty.

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::geometry::Vec3;
-use crate::pipeline::unique::unique;
+use crate::pipeline::neighbours::unique::unique;
 
 /// The paper's radius, mm.
 pub(super) const DISTANCE_MM: f32 = 1.0;

@@ -6,8 +6,6 @@
 //! Fetch Metadata). A page whose name was made to resolve to this address (DNS rebinding) is of our
 //! origin to the browser, and is told apart by the name that it asks for: `Host`.
 
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
-
 use axum::extract::{Request, State};
 use axum::http::header::{HOST, ORIGIN};
 use axum::http::uri::Authority;
@@ -16,7 +14,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
 use super::Context;
-use crate::config;
+use crate::config::{self, HostName};
 use crate::error::{Error, Result};
 
 /// Says where the page that sends a request stands to us (W3C Fetch Metadata).
@@ -28,40 +26,8 @@ pub(super) const PROBES: [&str; 2] = ["/healthz", "/readyz"];
 /// A host and, where one is given, its port (RFC 3986 section 3.2).
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct HostPort {
-    host: Name,
+    host: HostName,
     port: Option<u16>,
-}
-
-/// A name or address, comparable: lower case, no dot at the end.
-#[derive(Debug, Clone, PartialEq, Eq)]
-enum Name {
-    Address(IpAddr),
-    Name(String),
-}
-
-impl Name {
-    /// A registered name of letters, digits, hyphens, underscores and dots, or an address; one of
-    /// version 6 in brackets.
-    fn parse(text: &str) -> Option<Self> {
-        if let Some(inner) = text.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
-            return inner.parse::<Ipv6Addr>().ok().map(|it| Self::Address(IpAddr::V6(it).to_canonical()));
-        }
-        if let Ok(address) = text.parse::<Ipv4Addr>() {
-            return Some(Self::Address(address.into()));
-        }
-        let name = text.strip_suffix('.').unwrap_or(text);
-        let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-        (!name.is_empty() && name.len() <= 253 && name.chars().all(allowed))
-            .then(|| Self::Name(name.to_ascii_lowercase()))
-    }
-
-    /// `localhost`, 127.0.0.0/8, `::1`.
-    fn is_loopback(&self) -> bool {
-        match self {
-            Self::Address(address) => address.is_loopback(),
-            Self::Name(name) => name == "localhost",
-        }
-    }
 }
 
 impl HostPort {
@@ -77,14 +43,8 @@ impl HostPort {
             port if digits => Some(port.parse().ok()?),
             _ => return None,
         };
-        Some(Self { host: Name::parse(host)?, port })
+        Some(Self { host: HostName::parse(host)?, port })
     }
-}
-
-/// Whether `text` can stand in `http.hosts`: a name or an address, without scheme and port.
-#[must_use]
-pub(crate) fn is_host(text: &str) -> bool {
-    Name::parse(text).or_else(|| Name::parse(&format!("[{text}]"))).is_some()
 }
 
 /// The names that are answered.
@@ -92,30 +52,29 @@ pub(crate) fn is_host(text: &str) -> bool {
 pub(super) struct Hosts {
     /// Any name: there are tokens, and no list.
     any: bool,
-    listed: Vec<Name>,
+    listed: Vec<HostName>,
 }
 
 impl Hosts {
     /// Without tokens loopback and the listed ones; with tokens the listed ones, or any if none is.
     pub(super) fn new(settings: &config::Http) -> Self {
         let listed = settings.hosts.iter();
-        let mut listed: Vec<_> =
-            listed.filter_map(|it| Name::parse(it).or_else(|| Name::parse(&format!("[{it}]")))).collect();
+        let mut listed: Vec<_> = listed.filter_map(|it| HostName::listed(it)).collect();
         let any = !settings.tokens.is_empty() && listed.is_empty();
         // An address cannot be rebound: the one that we were told to listen on is ours.
         let own = settings.listen.ip();
         if !own.is_unspecified() {
-            listed.push(Name::Address(own.to_canonical()));
+            listed.push(HostName::Address(own.to_canonical()));
         }
         Self { any, listed }
     }
 
     /// Whether nothing but loopback is answered.
     pub(super) fn is_loopback_alone(&self) -> bool {
-        !self.any && self.listed.iter().all(Name::is_loopback)
+        !self.any && self.listed.iter().all(HostName::is_loopback)
     }
 
-    fn answers(&self, name: &Name) -> bool {
+    fn answers(&self, name: &HostName) -> bool {
         self.any || name.is_loopback() || self.listed.contains(name)
     }
 }
@@ -248,13 +207,12 @@ mod tests {
         }
         let port = |text| HostPort::parse(text).unwrap().port;
         assert_eq!((port("a:"), port("[::1]:8080"), port("a.")), (None, Some(8080), None));
-        assert!(is_host("::1") && is_host("[::1]") && is_host("ct.example.org") && !is_host("a:80"));
     }
 
     #[test]
     fn without_tokens_and_list_only_loopback_is_answered() {
         let hosts = Hosts::new(&crate::config::Config::defaults().http);
-        let answers = |text| hosts.answers(&Name::parse(text).unwrap());
+        let answers = |text| hosts.answers(&HostName::parse(text).unwrap());
         assert!(answers("localhost") && answers("LocalHost.") && answers("127.9.9.9") && answers("[::1]"));
         assert!(!answers("evil.example") && !answers("localhost.evil.example") && !answers("10.0.0.1"));
     }

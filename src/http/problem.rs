@@ -7,7 +7,7 @@ use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 
 use super::observe::RequestId;
-use super::upload::{Refusal, Skipped};
+use super::refused::{Refusal, Skipped};
 use crate::error::Error;
 
 /// The media type of every answer that is a problem.

@@ -4,13 +4,16 @@ use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use crate::dicom::identity::IdentityField;
+use crate::dicom::series::UnfitReason;
 use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
+use crate::observer::Stage;
 use crate::pipeline::precise::Quality;
-use crate::pipeline::{Figures, Parameters, Stage};
+use crate::pipeline::{Figures, Parameters};
 use crate::store::{
-    AttributeChange, ClinicalChoice, CompleteReason, IdentityChange, IdentityField, Page, ReconstructionId,
+    AttributeChange, ClinicalChoice, CompleteReason, IdentityChange, Page, ReconstructionId,
     ReconstructionRecord, ReconstructionState, Refused, SenderEnd, SeriesRecord, SeriesState, TransferDoubt,
-    UnfitReason, UnreadableRow,
+    UnreadableRow,
 };
 
 /// A series.

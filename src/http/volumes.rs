@@ -14,8 +14,9 @@ use crate::dicom::series::{OUT_OF_MEMORY, ReadLimits, read_admitted};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
 use crate::memory::{Memory, Share};
+use crate::observer::Silent;
 use crate::pipeline::precise::BorderPoint;
-use crate::pipeline::{Profile, Silent, border};
+use crate::pipeline::{Profile, border};
 use crate::store::{ReconstructionRecord, Store};
 
 /// A series with a certain set of instances.

@@ -6,10 +6,11 @@ use super::duplicate::Comparison;
 use super::{Announced, Intake, Receipt};
 use crate::config::ChangedIdentity;
 use crate::dicom::header::InstanceHeader;
+use crate::dicom::identity::IdentityField;
 use crate::dicom::scan::{Encoding, scan};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
-use crate::store::{IdentityField, InstanceRecord, NewInstance, Settled, blocking};
+use crate::store::{InstanceRecord, NewInstance, Settled, blocking};
 
 /// Comparisons with an instance that others replace meanwhile.
 const TRIES: usize = 8;

@@ -3,11 +3,12 @@
 use std::io::Cursor;
 
 use super::Intake;
+use crate::dicom::identity::IdentityField;
 use crate::dicom::scan::{Encoding, scan};
 use crate::dicom::series::no_slice;
 use crate::dicom::{attributes_digest, content};
 use crate::error::{Error, Result};
-use crate::store::{IdentityField, InstanceRecord, NewInstance, blocking};
+use crate::store::{InstanceRecord, NewInstance, blocking};
 
 /// What a stored instance is to one with its UID that came now.
 #[derive(Debug, Clone, PartialEq, Eq)]

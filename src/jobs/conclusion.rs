@@ -8,7 +8,7 @@ use super::Shared;
 use super::attempt::{Ended, ended_by};
 use super::watch::{Stop, Watch};
 use crate::error::Result;
-use crate::pipeline::{Observer, Stage};
+use crate::observer::{Observer, Stage};
 use crate::reconstruction::{Failure, Product, Report};
 use crate::store::{Claim, Fault, Outcome, report_json};
 

@@ -7,7 +7,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use serde::Serialize;
 use tokio::sync::broadcast;
 
-use crate::pipeline::Stage;
+use crate::observer::Stage;
 use crate::store::{ReconstructionId, ReconstructionState};
 
 /// Events that a slow subscriber may be behind before it misses the oldest.

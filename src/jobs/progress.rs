@@ -1,6 +1,7 @@
 //! How far a reconstruction as a whole is, from how far its stage is.
 
-use crate::pipeline::{Profile, Stage};
+use crate::observer::Stage;
+use crate::pipeline::Profile;
 
 /// The part of a run on a 512² head CT that each stage takes, in the order of [`Profile::stages`].
 /// Measured; only the evenness of a progress bar depends on it.

@@ -7,8 +7,8 @@ use uuid::Uuid;
 
 use super::*;
 use crate::intake::{Announced, Encoding, Intake, Sender};
+use crate::observer::Stage;
 use crate::phantom::{Options, Phantom};
-use crate::pipeline::Stage;
 use crate::store::CompleteReason;
 
 /// A store with one complete series, whose reconstruction waits.

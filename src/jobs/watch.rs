@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use super::events::{Event, Hub};
 use super::progress::overall;
-use crate::pipeline::{Observer, Profile, Stage};
+use crate::observer::{Observer, Stage};
+use crate::pipeline::Profile;
 use crate::store::{ReconstructionId, ReconstructionState};
 use crate::telemetry::Metrics;
 

@@ -3,16 +3,16 @@
 use image::{Rgb, RgbImage};
 use ndarray::{Array2, ArrayView2};
 
-use super::contour::outline;
-use super::mask::mask;
-use super::outcome::{Contours, Reconstruction};
-use super::parameters::Parameters;
-use super::precise::{BorderPoint, StretchReason};
-use super::slices;
-use super::stop::Asked;
-use super::whole_skin::slice_of;
 use crate::dicom::Volume;
 use crate::geometry::{Axis, Plane, norm};
+use crate::observer::stop::Asked;
+use crate::pipeline::paper::contour::outline;
+use crate::pipeline::paper::mask::mask;
+use crate::pipeline::parameters::Parameters;
+use crate::pipeline::precise::reconstruction::slice_of;
+use crate::pipeline::precise::{BorderPoint, StretchReason};
+use crate::pipeline::result::{Contours, Reconstruction};
+use crate::pipeline::slices;
 
 /// Colour of an accepted contour.
 const ACCEPTED: Rgb<u8> = Rgb([0, 255, 0]);

@@ -1,11 +1,12 @@
 //! One door for all profiles.
 
-use super::observer::Observer;
-use super::outcome::{PipelineError, Reconstruction};
-use super::parameters::{Parameters, Profile};
-use super::stop::unless_stopped;
-use super::{paper, whole_skin};
 use crate::dicom::Volume;
+use crate::observer::Observer;
+use crate::observer::stop::unless_stopped;
+use crate::pipeline::paper;
+use crate::pipeline::parameters::{Parameters, Profile};
+use crate::pipeline::precise::reconstruction;
+use crate::pipeline::result::{PipelineError, Reconstruction};
 
 /// Reconstructs the skin surface of a head from a CT volume, as the parameters' profile does it.
 ///
@@ -21,7 +22,7 @@ pub fn reconstruct(
 ) -> Result<Reconstruction, PipelineError> {
     let work = || match parameters.profile {
         Profile::Paper => paper::reconstruct(volume, parameters, observer),
-        Profile::Precise => whole_skin::reconstruct(volume, parameters, observer),
+        Profile::Precise => reconstruction::reconstruct(volume, parameters, observer),
     };
     unless_stopped(work)?
 }

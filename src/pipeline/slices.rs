@@ -10,8 +10,16 @@
 
 use ndarray::{Array3, ArrayView2};
 
-use super::contour::Pixel;
 use crate::geometry::{Axis, Plane};
+
+/// A pixel of a slice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Pixel {
+    /// Row, from the top.
+    pub row: u32,
+    /// Column, from the left.
+    pub column: u32,
+}
 
 /// Number of slices of `plane` in a volume of `shape = [nz, ny, nx]`.
 #[must_use]

@@ -6,12 +6,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use ndarray::Array3;
 
-use super::precise::{BorderPoint, StretchReason};
-use super::{
-    Observer, Parameters, PipelineError, Reason, Silent, Stage, border_picture, legend, picture, reconstruct,
-};
 use crate::dicom::{SeriesIdentity, Volume};
 use crate::geometry::{Axis, Grid, Plane};
+use crate::observer::{Observer, Silent, Stage};
+use crate::pipeline::precise::{BorderPoint, StretchReason};
+use crate::pipeline::{Parameters, PipelineError, Reason, border_picture, legend, picture, reconstruct};
 
 /// Half axes of the ellipsoid, mm (voxels are cubes of 1 mm), and its centre in LPS mm.
 const HALF: [f64; 3] = [60.0, 80.0, 40.0];

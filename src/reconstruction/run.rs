@@ -6,8 +6,9 @@ use crate::dicom::Volume;
 use crate::dicom::series::{self, ReadLimits, Warning};
 use crate::dicom::source::InstanceSource;
 use crate::geometry::{Frame, Plane};
-use crate::pipeline::stop::{Asked, unless_stopped};
-use crate::pipeline::{self, Observer, Parameters, PipelineError, Reconstruction, Stage};
+use crate::observer::stop::{Asked, unless_stopped};
+use crate::observer::{Observer, Stage};
+use crate::pipeline::{self, Parameters, PipelineError, Reconstruction};
 
 /// Reconstructs the instances of one series.
 ///

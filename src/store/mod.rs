@@ -64,9 +64,9 @@ pub use open::OpenError;
 pub use queue::{Claim, Fault, Heartbeat, Lease, Outcome, Reclaim};
 pub(crate) use receiving::Staged;
 pub use records::{
-    AttributeChange, BrokenTransfer, Clinical, ClinicalChoice, CompleteReason, IdentityChange, IdentityField,
+    AttributeChange, BrokenTransfer, Clinical, ClinicalChoice, CompleteReason, IdentityChange,
     InstanceRecord, Page, ReconstructionFilter, ReconstructionId, ReconstructionRecord, ReconstructionState,
-    Refused, SenderEnd, SeriesFilter, SeriesRecord, SeriesState, TransferDoubt, UnfitReason, UnreadableRow,
+    Refused, SenderEnd, SeriesFilter, SeriesRecord, SeriesState, TransferDoubt, UnreadableRow,
 };
 pub use recovery::{Rebuilt, Recovered, SetAside};
 pub use removing::Swept;

@@ -7,33 +7,13 @@ use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
 use crate::dicom::header::InstanceHeader;
+use crate::dicom::identity::IdentityField;
+use crate::dicom::series::UnfitReason;
 use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
+use crate::named::named;
+use crate::observer::Stage;
 use crate::pipeline::precise::Quality;
-use crate::pipeline::{Figures, Parameters, Stage};
-
-/// Declares an enum whose variants have one stable name in catalog, API, log and metrics.
-macro_rules! named {
-    ($(#[$meta:meta])* $name:ident { $($(#[$doc:meta])* $variant:ident = $text:literal),+ $(,)? }) => {
-        $(#[$meta])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema)]
-        #[serde(rename_all = "snake_case")]
-        pub enum $name { $($(#[$doc])* $variant),+ }
-
-        impl $name {
-            /// All of them.
-            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
-            /// The one name.
-            #[must_use]
-            pub fn name(self) -> &'static str { match self { $(Self::$variant => $text),+ } }
-            /// The variant of that name.
-            #[must_use]
-            pub fn from_name(name: &str) -> Option<Self> { match name { $($text => Some(Self::$variant),)+ _ => None } }
-        }
-        impl fmt::Display for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result { f.write_str(self.name()) }
-        }
-    };
-}
+use crate::pipeline::{Figures, Parameters};
 
 named! {
     /// Where a series stands.
@@ -123,45 +103,6 @@ named! {
         /// instances that are JPEG Lossless or, no longer stored, may have been. Of a series: what is served
         /// of it is such a one.
         FormerDecoder = "former_decoder",
-    }
-}
-
-named! {
-    /// Why a series is kept but not reconstructed.
-    UnfitReason {
-        /// Modality is not CT.
-        NotCt = "not_ct",
-        /// Image Type says LOCALIZER.
-        Localizer = "localizer",
-        /// Image Type says that it is derived from a display, not a scan.
-        SecondaryCapture = "secondary_capture",
-        /// Fewer slices than `intake.min_slices`.
-        TooFewSlices = "too_few_slices",
-        /// No instance has pixels.
-        NoPixelData = "no_pixel_data",
-        /// Photometric Interpretation or Samples per Pixel tells a picture in colour, or one with a
-        /// palette: a screen save, a rendering.
-        Colour = "colour",
-        /// A derived or secondary image that says nothing of its place in the patient.
-        NoPlace = "no_place",
-    }
-}
-
-named! {
-    /// What of an identity a correction changed.
-    IdentityField {
-        /// Patient ID (0010,0020).
-        PatientId = "patient_id",
-        /// Issuer of Patient ID (0010,0021).
-        IssuerOfPatientId = "issuer_of_patient_id",
-        /// Patient's Name (0010,0010).
-        PatientName = "patient_name",
-        /// Patient's Birth Date (0010,0030).
-        PatientBirthDate = "patient_birth_date",
-        /// Patient's Sex (0010,0040).
-        PatientSex = "patient_sex",
-        /// Accession Number (0008,0050).
-        AccessionNumber = "accession_number",
     }
 }
 

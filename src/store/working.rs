@@ -15,7 +15,8 @@ use super::{
 use super::{blocking, catalog, hashed};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
-use crate::pipeline::{Parameters, Stage};
+use crate::observer::Stage;
+use crate::pipeline::Parameters;
 
 impl Store {
     /// Asks for a reconstruction of a complete series. The same instances and parameters again

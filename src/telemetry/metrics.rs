@@ -11,8 +11,9 @@ use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::registry::{Registry, Unit};
 
 use crate::geometry::Plane;
+use crate::observer::Stage;
+use crate::pipeline::name_of;
 use crate::pipeline::precise::Verdict;
-use crate::pipeline::{Stage, name_of};
 use crate::store::{CompleteReason, ReconstructionState};
 
 /// The door that an instance came through.

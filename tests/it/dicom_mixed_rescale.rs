@@ -5,7 +5,7 @@ use dicom_core::{DataElement, PrimitiveValue, Tag, VR};
 use dicom_dictionary_std::tags;
 use triplanar::dicom::series::{self, ReadLimits, RowsDoubt, SeriesError, Warning, WarningCode};
 use triplanar::dicom::{Volume, uid::SopInstanceUid};
-use triplanar::pipeline::Silent;
+use triplanar::observer::Silent;
 
 use crate::dicom_damage::{head, reconstruct, sop_instance_uid};
 use crate::support::dicom::Memory;

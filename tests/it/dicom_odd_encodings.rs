@@ -8,7 +8,7 @@ use flate2::write::DeflateEncoder;
 use triplanar::dicom::Volume;
 use triplanar::dicom::scan::{Encoding, Limits, ScanError, scan};
 use triplanar::dicom::series::{self, ReadLimits, SeriesError, Warning, WarningCode};
-use triplanar::pipeline::Silent;
+use triplanar::observer::Silent;
 
 use crate::support::dicom::{CT, DataSet, ENHANCED_CT, EXPLICIT, Memory, Slice, identity};
 

@@ -6,7 +6,7 @@ use triplanar::dicom::pixels::{PixelError, stored_values};
 use triplanar::dicom::scan::Limits;
 use triplanar::dicom::series::{self, ReadLimits, SeriesError, Warning, WarningCode};
 use triplanar::error::Error;
-use triplanar::pipeline::Silent;
+use triplanar::observer::Silent;
 use uuid::Uuid;
 
 use crate::support::dicom::{CT, DataSet, EXPLICIT, Memory, Slice, identity};

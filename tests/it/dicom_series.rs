@@ -6,7 +6,7 @@ use triplanar::dicom::Volume;
 use triplanar::dicom::series::{self, ReadLimits, SeriesError, Warning, WarningCode};
 use triplanar::dicom::uid::SopInstanceUid;
 use triplanar::geometry::Axis;
-use triplanar::pipeline::{Observer, Silent, Stage};
+use triplanar::observer::{Observer, Silent, Stage};
 
 use crate::support::data;
 use crate::support::dicom::{CT, DataSet, ENHANCED_CT, EXPLICIT, Memory, Slice, identity};

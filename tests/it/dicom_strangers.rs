@@ -2,10 +2,10 @@
 
 use triplanar::dicom::header::InstanceHeader;
 use triplanar::dicom::scan::{Encoding, Limits, scan};
+use triplanar::dicom::series::UnfitReason;
 use triplanar::dicom::series::{self, ReadLimits, SeriesError, Warning, WarningCode, unfit};
 use triplanar::dicom::{Volume, content_digest};
-use triplanar::pipeline::Silent;
-use triplanar::store::UnfitReason;
+use triplanar::observer::Silent;
 
 use crate::support::dicom::{CT, DataSet, EXPLICIT, Memory, Slice, identity};
 

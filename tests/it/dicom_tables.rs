@@ -6,10 +6,10 @@ use dicom_encoding::TransferSyntaxIndex;
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 use triplanar::dicom::header::InstanceHeader;
 use triplanar::dicom::scan::{Encoding, Limits, scan};
+use triplanar::dicom::series::UnfitReason;
 use triplanar::dicom::series::unfit;
 use triplanar::dicom::transfer_syntax::SUPPORTED;
 use triplanar::dicom::{part10, sop_class};
-use triplanar::store::UnfitReason;
 
 use crate::support::dicom::{CT, EXPLICIT, identity};
 

@@ -4,8 +4,9 @@ use triplanar::cloud::PointCloud;
 use triplanar::cloud::ply::decode;
 use triplanar::dicom::series::ReadLimits;
 use triplanar::geometry::Plane;
+use triplanar::observer::Silent;
 use triplanar::phantom::{Acquisition, Options, Order, PatientPosition, Phantom};
-use triplanar::pipeline::{Parameters, Silent};
+use triplanar::pipeline::Parameters;
 use triplanar::reconstruction::run;
 
 use crate::support::instances::InMemory;

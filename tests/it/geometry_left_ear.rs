@@ -3,8 +3,9 @@
 use triplanar::cloud::{Format, encode, ply};
 use triplanar::dicom::series::ReadLimits;
 use triplanar::geometry::Frame;
+use triplanar::observer::Silent;
 use triplanar::phantom::{Options, Phantom};
-use triplanar::pipeline::{Parameters, Silent};
+use triplanar::pipeline::Parameters;
 use triplanar::reconstruction::run;
 
 use crate::support::instances::InMemory;

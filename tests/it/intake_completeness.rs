@@ -3,10 +3,11 @@
 use std::time::Duration;
 
 use tempfile::tempdir;
+use triplanar::dicom::series::UnfitReason;
 use triplanar::error::Error;
 use triplanar::store::{
     CompleteReason, Fault, ReconstructionFilter, ReconstructionState, SenderEnd, SeriesFilter, SeriesState,
-    TransferDoubt, UnfitReason,
+    TransferDoubt,
 };
 use uuid::Uuid;
 

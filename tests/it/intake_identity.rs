@@ -6,10 +6,11 @@ use std::time::Duration;
 
 use tempfile::tempdir;
 use triplanar::config::ChangedIdentity;
+use triplanar::dicom::identity::IdentityField;
 use triplanar::dicom::source::InstanceSource as _;
 use triplanar::error::Error;
 use triplanar::pipeline::Parameters;
-use triplanar::store::{CompleteReason, IdentityField, ReconstructionId, SeriesFilter};
+use triplanar::store::{CompleteReason, ReconstructionId, SeriesFilter};
 use uuid::Uuid;
 
 use crate::support::entrance::{Entrance, outcome, settings};

@@ -1,6 +1,7 @@
 //! One binary for all tests that go through the doors that users use.
 
 mod cli_demo;
+mod cli_dump;
 mod cli_evaluate;
 mod cli_outputs;
 mod cli_phantom;

@@ -7,8 +7,9 @@ use flate2::Compression;
 use flate2::write::DeflateEncoder;
 use triplanar::dicom::series::{ReadLimits, read, read_admitted};
 use triplanar::memory::Memory;
+use triplanar::observer::Silent;
 use triplanar::phantom::{Options, Phantom};
-use triplanar::pipeline::{Parameters, Silent};
+use triplanar::pipeline::Parameters;
 use triplanar::reconstruction::{Failure, run};
 
 use crate::support::bytes::{self, DEFLATED};

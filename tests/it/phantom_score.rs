@@ -1,7 +1,8 @@
 //! The paper's cloud of a head whose skin is known, held against that skin; nothing is registered.
 
+use triplanar::observer::Silent;
 use triplanar::phantom::{Options, Phantom};
-use triplanar::pipeline::{Parameters, Silent, reconstruct};
+use triplanar::pipeline::{Parameters, reconstruct};
 
 use crate::support::skin::{coverage, score};
 

@@ -2,8 +2,8 @@
 
 use triplanar::dicom::series::{ReadLimits, read};
 use triplanar::geometry::{add, norm, scale, sub};
+use triplanar::observer::Silent;
 use triplanar::phantom::{Options, Phantom};
-use triplanar::pipeline::Silent;
 
 use crate::support::instances::InMemory;
 

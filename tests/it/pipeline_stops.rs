@@ -5,11 +5,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use triplanar::dicom::Volume;
 use triplanar::dicom::series::{ReadLimits, read};
+use triplanar::observer::{Observer, Silent, Stage};
 use triplanar::phantom::{Options, Phantom};
-use triplanar::pipeline::{
-    Observer, Parameters, PipelineError, Profile, Silent, Stage, radius_outlier, reconstruct,
-    statistical_outlier,
-};
+use triplanar::pipeline::paper::{radius_outlier, statistical_outlier};
+use triplanar::pipeline::{Parameters, PipelineError, Profile, reconstruct};
 
 use crate::support::instances::InMemory;
 

@@ -4,9 +4,11 @@ use std::collections::HashMap;
 
 use triplanar::cloud::PointCloud;
 use triplanar::geometry::{Plane, PlaneSet};
-use triplanar::pipeline::unique::unique;
-use triplanar::pipeline::voxel_grid::voxel_grid;
-use triplanar::pipeline::{Parameters, Silent, radius_outlier, statistical_outlier};
+use triplanar::observer::Silent;
+use triplanar::pipeline::Parameters;
+use triplanar::pipeline::neighbours::unique::unique;
+use triplanar::pipeline::paper::voxel_grid::voxel_grid;
+use triplanar::pipeline::paper::{radius_outlier, statistical_outlier};
 
 use crate::support::data;
 use crate::support::published::{Published, SERIES};

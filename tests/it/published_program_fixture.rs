@@ -9,9 +9,10 @@ use ndarray::Array3;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use triplanar::geometry::Plane;
-use triplanar::pipeline::contour::Pixel;
-use triplanar::pipeline::decisions::decide;
-use triplanar::pipeline::{Parameters, Silent};
+use triplanar::observer::Silent;
+use triplanar::pipeline::Parameters;
+use triplanar::pipeline::paper::decisions::decide;
+use triplanar::pipeline::slices::Pixel;
 
 use crate::published_program_slices::{is_equal, sorted, told};
 use crate::support::published::Slice;

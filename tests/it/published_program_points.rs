@@ -3,9 +3,10 @@
 use triplanar::cloud::PointCloud;
 use triplanar::dicom::Volume;
 use triplanar::geometry::Plane;
-use triplanar::pipeline::decisions::decide;
-use triplanar::pipeline::lift::lift;
-use triplanar::pipeline::{Parameters, Silent};
+use triplanar::observer::Silent;
+use triplanar::pipeline::Parameters;
+use triplanar::pipeline::paper::decisions::decide;
+use triplanar::pipeline::paper::lift::lift;
 
 use crate::support::published::Published;
 use crate::support::{data, instances};

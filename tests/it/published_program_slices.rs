@@ -1,9 +1,10 @@
 //! `paper` decides on every slice as the published program does.
 
 use triplanar::geometry::Plane;
-use triplanar::pipeline::contour::Pixel;
-use triplanar::pipeline::decisions::{Decisions, decide};
-use triplanar::pipeline::{Parameters, Silent, SliceRow};
+use triplanar::observer::Silent;
+use triplanar::pipeline::paper::decisions::{Decisions, decide};
+use triplanar::pipeline::slices::Pixel;
+use triplanar::pipeline::{Parameters, SliceRow};
 
 use crate::support::published::{Published, SERIES, Slice};
 use crate::support::{data, instances};

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use tempfile::tempdir;
 use triplanar::error::Error;
-use triplanar::pipeline::{Parameters, Stage};
+use triplanar::observer::Stage;
+use triplanar::pipeline::Parameters;
 use triplanar::store::{CompleteReason, Fault, Heartbeat, Reclaim, ReconstructionId, ReconstructionState};
 use uuid::Uuid;
 

@@ -6,9 +6,9 @@ use std::fmt::Write as _;
 use crate::cli::inputs::{Inputs, Selected};
 use crate::cli::{Exit, Failed};
 use crate::dicom::header::InstanceHeader;
+use crate::dicom::series::UnfitReason;
 use crate::dicom::series::{unfit, unfit_detail};
 use crate::dicom::uid::SeriesInstanceUid;
-use crate::store::UnfitReason;
 
 struct Candidate {
     uid: SeriesInstanceUid,

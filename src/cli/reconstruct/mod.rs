@@ -2,6 +2,7 @@
 
 mod choose;
 mod destination;
+mod dump;
 mod report;
 mod summary;
 mod thresholds;
@@ -16,6 +17,7 @@ use crate::dicom::series::ReadLimits;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::reconstruction::{self, Failure, Product};
 use destination::{Destination, Written};
+use dump::Dump;
 use report::{Reason, ReportFile};
 use summary::Summary;
 use thresholds::Thresholds;
@@ -30,6 +32,8 @@ pub(super) struct Args {
     destination: Destination,
     #[command(flatten)]
     report: ReportFile,
+    #[command(flatten)]
+    dump: Dump,
     /// Series Instance UID, where the input holds several series
     #[arg(long, value_name = "UID")]
     series: Option<SeriesInstanceUid>,
@@ -47,6 +51,7 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     let outputs = || [Some(args.destination.path()), args.report.path()].into_iter().flatten();
     output::all_differ(outputs(), [args.input.as_path()])?;
     outputs().try_for_each(output::check)?;
+    args.dump.check(parameters.profile)?;
     let inputs = Inputs::open(&args.input, &config).inspect_err(|failed| {
         let reason = Reason { code: Failure::UNREADABLE, detail: &failed.message, instances: &[] };
         // The failure itself matters more than where it could not be told.
@@ -69,8 +74,10 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     };
     let progress = Progress::new(parameters.profile);
     let limits = ReadLimits { memory: config.memory.of_command(), ..config.read_limits() };
-    let outcome = reconstruction::run(&selected, &parameters, &limits, &progress);
+    let dumping = args.dump.watch(&progress);
+    let outcome = reconstruction::run(&selected, &parameters, &limits, &dumping);
     progress.finish();
+    dumping.finish()?;
     match outcome {
         Ok(mut product) => {
             product.report.unused = selected.unused();

@@ -67,7 +67,7 @@ pub struct Scan {
     pub pixel_fault: Option<PixelExtentError>,
 }
 
-/// Why the scan refuses the bytes. Becomes [`crate::error::Error`], with its codes.
+/// Why the scan refuses the bytes. The service answers each with its own code.
 #[derive(Debug, thiserror::Error)]
 pub enum ScanError {
     /// Not DICOM at all.
@@ -103,24 +103,6 @@ pub enum ScanError {
     /// The bytes can't be read.
     #[error("the instance can't be read")]
     Io(#[from] std::io::Error),
-}
-
-impl From<ScanError> for crate::error::Error {
-    fn from(error: ScanError) -> Self {
-        match error {
-            ScanError::NotDicom(detail) => Self::NotDicom(detail),
-            ScanError::Malformed(detail) => Self::MalformedDataSet(detail),
-            ScanError::Missing { attribute } => Self::MissingAttribute { attribute },
-            ScanError::UnsupportedTransferSyntax(uid) => Self::UnsupportedTransferSyntax(uid),
-            ScanError::UnsupportedSopClass(uid) => Self::UnsupportedSopClass(uid),
-            ScanError::InflatesTooMuch { limit_bytes } => {
-                Self::TooLarge { limit_bytes, setting: "intake.max_inflated_bytes" }
-            }
-            ScanError::NoMemory(error) => error.into(),
-            ScanError::Stopped => Self::ShuttingDown,
-            ScanError::Io(error) => error.into(),
-        }
-    }
 }
 
 /// Scans one instance from the beginning of `reader` to its end.

@@ -6,7 +6,7 @@ use crate::dicom::dataset::DataSet;
 use crate::dicom::pixels::Frames;
 use crate::dicom::source::InstanceSource;
 use crate::geometry::{Vec3, norm, sub};
-use crate::pipeline::Observer;
+use crate::observer::Observer;
 
 /// Positions of the same slice agree to this, mm.
 const SAME_PLACE: f64 = 1e-3;

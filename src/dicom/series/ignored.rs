@@ -5,8 +5,8 @@ use super::line::OFF_LINE;
 use super::slice::Slice;
 use super::unfit::Facts;
 use super::{IgnoredInstance, Warning, WarningCode};
+use crate::dicom::series::UnfitReason;
 use crate::geometry::{Vec3, add, dot, norm, scale, sub};
-use crate::store::UnfitReason;
 
 /// Cosine of the angle up to which directions are taken for one, about 2.6 degrees.
 const PARALLEL: f64 = 0.999;

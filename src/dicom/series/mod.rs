@@ -24,7 +24,7 @@ use super::uid::SopInstanceUid;
 use super::{SeriesIdentity, Volume};
 use crate::geometry::Axis;
 use crate::memory::{Memory, NoMemory};
-use crate::pipeline::{Observer, Stage};
+use crate::observer::{Observer, Stage};
 
 use frame::Instance;
 use orient::Orientation;
@@ -32,7 +32,7 @@ use slice::Slice;
 
 pub use error::SeriesError;
 pub(crate) use unfit::no_slice;
-pub use unfit::{unfit, unfit_detail};
+pub use unfit::{UnfitReason, unfit, unfit_detail};
 pub use warning::{DoubtfulRows, IgnoredInstance, RowsDoubt, Warning, WarningCode};
 
 /// The code of a series that finds no memory because others use it.

@@ -3,9 +3,9 @@
 use super::SeriesError;
 use super::frame::{Frame, Geometry, Instance};
 use super::ignored::{self, Ignored};
+use crate::dicom::series::UnfitReason;
 use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid};
 use crate::geometry::Vec3;
-use crate::store::UnfitReason;
 
 /// One slice.
 #[derive(Debug, Clone)]

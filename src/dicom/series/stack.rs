@@ -3,8 +3,8 @@
 use super::ignored::{self, Ignored};
 use super::slice::Slice;
 use super::{SeriesError, Warning, WarningCode};
+use crate::dicom::series::UnfitReason;
 use crate::geometry::{Vec3, cross, dot, norm, sub};
-use crate::store::UnfitReason;
 
 /// Slices nearer than this along the normal are at one position, mm.
 const SAME_POSITION: f64 = 0.01;

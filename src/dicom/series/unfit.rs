@@ -3,7 +3,28 @@
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::sop_class;
 use crate::dicom::uid::SopClassUid;
-use crate::store::UnfitReason;
+use crate::named::named;
+
+named! {
+    /// Why a series is kept but not reconstructed.
+    UnfitReason {
+        /// Modality is not CT.
+        NotCt = "not_ct",
+        /// Image Type says LOCALIZER.
+        Localizer = "localizer",
+        /// Image Type says that it is derived from a display, not a scan.
+        SecondaryCapture = "secondary_capture",
+        /// Fewer slices than `intake.min_slices`.
+        TooFewSlices = "too_few_slices",
+        /// No instance has pixels.
+        NoPixelData = "no_pixel_data",
+        /// Photometric Interpretation or Samples per Pixel tells a picture in colour, or one with a
+        /// palette: a screen save, a rendering.
+        Colour = "colour",
+        /// A derived or secondary image that says nothing of its place in the patient.
+        NoPlace = "no_place",
+    }
+}
 
 /// Why the series of these instances is kept but not reconstructed, or `None` if it can be tried.
 ///

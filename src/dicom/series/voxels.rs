@@ -17,7 +17,7 @@ use crate::dicom::dataset::DataSet;
 use crate::dicom::pixels::{Frames, PixelError};
 use crate::dicom::source::InstanceSource;
 use crate::geometry::Axis;
-use crate::pipeline::{Observer, Stage};
+use crate::observer::{Observer, Stage};
 
 /// Hounsfield units that pixels marked as padding (PS3.3 section C.7.5.1.1.2) get: air.
 pub(super) const PADDING_HU: i16 = -1024;

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::dicom::series::UnfitReason;
 use crate::dicom::uid::SopInstanceUid;
-use crate::store::UnfitReason;
 
 /// Something unusual that was handled; stands in the report.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]

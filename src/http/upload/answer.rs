@@ -3,12 +3,12 @@
 use axum::Json;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
-use super::archive::SkipReason;
 use super::session::Outcome;
 use crate::error::Error;
 use crate::http::problem::Problem;
+use crate::http::refused::{Refusal, Skipped};
 use crate::http::views::{ReconstructionView, SeriesView};
 
 /// An upload was received.
@@ -44,28 +44,6 @@ pub(crate) struct UploadedSeries {
     pub series: SeriesView,
     /// Its latest reconstruction, if it is complete and can be reconstructed.
     pub reconstruction: Option<ReconstructionView>,
-}
-
-/// An instance that was refused.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
-pub struct Refusal {
-    /// Its file name in the upload; empty if it has none.
-    pub name: String,
-    /// Stable code, as in the problem's URN.
-    #[schema(examples("conflicting-instance"))]
-    pub code: String,
-    /// What was wrong and what to do next.
-    pub detail: String,
-}
-
-/// A file that is no DICOM instance.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
-pub struct Skipped {
-    /// Its file name in the archive.
-    #[schema(examples("CD/README.TXT"))]
-    pub name: String,
-    /// Why it was passed over.
-    pub reason: SkipReason,
 }
 
 /// The outcomes of an upload, sorted.

@@ -11,6 +11,7 @@ use super::budget::Budget;
 use super::sniff::{HEAD, Kind, kind, looks_like_dicom};
 use crate::error::{Error, Result};
 use crate::http::identity::Identity;
+use crate::http::refused::SkipReason;
 
 mod tar;
 mod zip;
@@ -20,22 +21,6 @@ const CHUNK: usize = 256 * 1024;
 
 /// Names longer than this are cut where they are told.
 const MAX_NAME: usize = 255;
-
-/// Why a file of an archive was passed over.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum SkipReason {
-    /// It is no DICOM data set.
-    NotDicom,
-    /// It is empty, or begins with nothing but zeros, as a broken copy leaves it.
-    Empty,
-    /// It is the index of a medium, not an instance.
-    Dicomdir,
-    /// It is encrypted.
-    Encrypted,
-    /// It is compressed in a way that is not read here.
-    UnsupportedCompression,
-}
 
 /// What the walk finds, in order.
 #[derive(Debug)]

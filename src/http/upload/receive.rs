@@ -7,7 +7,6 @@ use bytes::BytesMut;
 use tokio::io::AsyncWriteExt;
 use tokio::sync::mpsc;
 
-use super::answer::Skipped;
 use super::archive::{Step, passed_over, told, walk};
 use super::budget::Budget;
 use super::places::Upload;
@@ -18,6 +17,7 @@ use crate::error::{Error, Result};
 use crate::http::Context;
 use crate::http::body::Incoming;
 use crate::http::multipart::Multipart;
+use crate::http::refused::Skipped;
 
 /// Steps of an archive that wait to be stored: bounds the memory of one upload.
 const STEPS: usize = 4;

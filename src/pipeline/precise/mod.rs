@@ -2,73 +2,43 @@
 //!
 //! It keeps the paper's approach, three planes and a reason for what is left out, and replaces its
 //! fixed thresholds by what the scan itself shows, as the paper's section 5 proposes for future
-//! work. One file a step:
+//! work. Five stages, each handing its result to the next (`run.rs`):
 //!
-//! | step | module |
-//! |---|---|
-//! | the scan as a field in mm | `space`, `levels`, `ends`, `field` |
-//! | cells for the search in 3D | `crop`, `survey`, `rows`, `reach`, `pieces` |
-//! | which tissue is the patient | `kinds`, `couch`, `patient`, `enclosure`, `large`, `sheets`, `parts`, `head` |
-//! | which border is skin | `outside`, `openings`, `canals` |
-//! | where exactly | `candidates`, `width`, `plateau`, `regions`, `crossings`, `edge`, `parted` |
-//! | what lies on it | `surface`, `fill`, `ledges`, `covered` |
-//! | between thick slices | `between`, `contours`, `caps` |
-//! | what was not accepted | `stretches` |
-//! | one point a leaf | `cubes`, `leaves`, `order` |
-//! | how far to trust it | `agreement`, `confidence`, `motion`, `assess`, `quality` |
+//! | stage | folder | what it tells |
+//! |---|---|---|
+//! | scan | `scan/` | the scan as a field in mm: places, levels, field of view |
+//! | labels | `labels/` | what each cell of 1 mm is: patient, device, air outside, canal |
+//! | border | `border/` | every crossing of the patient's border with a grid line, measured |
+//! | verdicts | `rules/` | which of them is skin, and why another is none |
+//! | skin | `cloud/`, `confidence/`, `report/` | a point for each leaf, its error, what to make of it |
+//!
+//! `grid/` is geometry that knows no anatomy; all of them build on it. `dump/` writes what the stages hand
+//! on, to be looked at in other programs.
 
-mod agreement;
-mod assess;
-mod between;
-mod canals;
-mod candidates;
-mod caps;
+mod border;
+mod cloud;
 mod confidence;
-mod contours;
-mod couch;
-mod covered;
-mod crop;
-mod crossings;
-mod cubes;
-mod edge;
-mod enclosure;
-mod ends;
-mod field;
-mod fill;
-mod head;
-mod kinds;
-mod large;
-mod leaves;
-mod ledges;
-mod levels;
-mod motion;
-mod openings;
-mod order;
-mod outside;
-mod parted;
-mod parts;
-mod patient;
-mod pieces;
-mod plateau;
-mod quality;
-mod reach;
-mod reconstruct;
-mod regions;
-mod rows;
-mod sheets;
-mod sides;
+mod dump;
+mod grid;
+mod labels;
+mod no_skin;
+mod reason;
+pub(crate) mod reconstruction;
+mod report;
+mod rules;
+mod run;
+mod scan;
 mod skin;
-mod space;
-mod stretches;
-mod surface;
-mod survey;
-mod width;
 
-pub use quality::{Doubt, Missing, Quality, QualityLimits, SideQuality, Verdict};
-pub use reconstruct::reconstruct;
-pub use sides::Side;
-pub use skin::{BorderPoint, NoSkin, Skin, SkinPoint};
-pub use stretches::{SliceContour, Stretch, StretchReason};
+pub use cloud::point::SkinPoint;
+pub use no_skin::NoSkin;
+pub use reason::StretchReason;
+pub use report::border::BorderPoint;
+pub use report::quality::{Doubt, Missing, Quality, QualityLimits, SideQuality, Verdict};
+pub use report::sides::Side;
+pub use report::stretches::{SliceContour, Stretch};
+pub use run::reconstruct;
+pub use skin::Skin;
 
 #[cfg(test)]
 mod tests;

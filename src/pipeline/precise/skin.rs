@@ -1,28 +1,26 @@
-//! What the profile gives: points of skin, or the reason why there are none.
+//! The last stage: the skin, how far to trust it, and what became of the rest.
 
-use super::crossings::Crossing;
-use super::quality::Quality;
-use super::stretches::{SliceContour, StretchReason, across};
-use crate::geometry::{Plane, PlaneSet, Vec3};
+use super::cloud::clouds::Clouds;
+use super::cloud::point::SkinPoint;
+use super::confidence::motion::largest_step;
+use super::report::assess::{self, Areas};
+use super::report::border::{BorderPoint, border_points};
+use super::report::quality::{Quality, QualityLimits};
+use super::report::stretches::{SliceContour, across, rows};
+use super::rules::Verdicts;
+use super::scan::Scan;
+use crate::geometry::Plane;
+use crate::observer::Stage;
 
-/// A measured point of the skin.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SkinPoint {
-    /// LPS mm.
-    pub place: [f32; 3],
-    /// Outward unit normal of the surface that its neighbours within 2 mm make, LPS.
-    pub normal: [f32; 3],
-    /// Expected error along the normal, mm.
-    pub error: f32,
-    /// The planes whose points it stands for.
-    pub planes: PlaneSet,
-}
-
-impl SkinPoint {
-    pub(super) fn of(crossing: &Crossing, normal: Vec3, error: f64, planes: PlaneSet) -> Self {
-        let single = |v: Vec3| v.map(|v| v as f32);
-        Self { place: single(crossing.place), normal: single(normal), error: error as f32, planes }
-    }
+/// What of a skin a user chooses.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Wish<'a> {
+    /// Edge of the leaf that has one point, mm.
+    pub(super) leaf_mm: f64,
+    /// The limits of the verdict.
+    pub(super) limits: &'a QualityLimits,
+    /// Slices that don't go with their neighbours, as the series' reader counts them.
+    pub(super) doubtful_slices: usize,
 }
 
 /// The skin of a head.
@@ -43,79 +41,58 @@ pub struct Skin {
     pub measured: [u64; 3],
 }
 
-/// A place where a grid line crosses the border of the patient.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BorderPoint {
-    /// Fractional voxel index `[z, y, x]`: whole along the two axes that the line does not follow.
-    pub index: [f32; 3],
-    /// The array axis that the line follows: 0 z, 1 y, 2 x. The point lies in the slices of the
-    /// two planes at right angles to the others.
-    pub axis: u8,
-    /// Why it was not accepted as skin; `None` for an accepted one.
-    pub reason: Option<StretchReason>,
-}
-
 impl Skin {
+    /// One point for each leaf, with its error; and the report on the whole.
+    pub(super) fn of(scan: &Scan<'_>, verdicts: &Verdicts, wish: &Wish<'_>) -> Self {
+        let sampler = &scan.sampler;
+        let Verdicts { patient, head, .. } = verdicts;
+        let (all, accepted, rejected) = (verdicts.all(), &verdicts.accepted, &verdicts.rejected);
+        scan.tell(Stage::Downsampling, 0.0);
+        // What one thread does alone, beside what all do.
+        let (clouds, ((slices, border), (areas, motion_mm))) = rayon::join(
+            || Clouds::of(sampler, &verdicts.edge_spread, all, wish.leaf_mm),
+            || {
+                rayon::join(
+                    || (rows(sampler, accepted, rejected), border_points(sampler, accepted, rejected)),
+                    || {
+                        sampler.ask();
+                        let areas = Areas::of(sampler, patient, head, accepted, rejected);
+                        sampler.ask();
+                        (areas, largest_step(sampler, all, head.middle))
+                    },
+                )
+            },
+        );
+        let measured = assess::Measured {
+            edge_spread: &verdicts.edge_spread,
+            areas: &areas,
+            motion_mm,
+            points: &clouds.agreements,
+        };
+        let quality = assess::quality(scan, head, &measured);
+        let quality = Quality { doubtful_slices: wish.doubtful_slices, ..quality }.judge(wish.limits);
+        scan.tell(Stage::Downsampling, 1.0);
+        let Clouds { points, uniplanar, measured, .. } = clouds;
+        Self { points, uniplanar, quality, slices, border, measured }
+    }
+
     /// Counts the slices across an axis `[z, y, x]` of the volume from so many before the first.
-    pub(super) fn count_from(&mut self, axis: usize, before: usize) {
+    pub(super) fn counted_from(mut self, axis: usize, before: usize) -> Self {
+        if before == 0 {
+            return self;
+        }
         for slice in self.slices.iter_mut().filter(|slice| across(slice.plane) == axis) {
             slice.index += before;
         }
         for point in &mut self.border {
             point.index[axis] += before as f32;
         }
+        self
     }
 
     /// The points of one plane.
     #[must_use]
-    pub fn of(&self, plane: Plane) -> &[SkinPoint] {
+    pub fn in_plane(&self, plane: Plane) -> &[SkinPoint] {
         &self.uniplanar[plane.index()]
     }
-}
-
-impl NoSkin {
-    /// The stable code of a reconstruction that failed for it.
-    #[must_use]
-    pub fn code(&self) -> &'static str {
-        match self {
-            Self::NoVolume => "no_volume",
-            Self::NoLevels => "no_tissue",
-            Self::NoPatient => "no_patient",
-            Self::NoHead { .. } => "no_head",
-            Self::NoBorder => "empty_cloud",
-            Self::Cancelled => "cancelled",
-        }
-    }
-}
-
-/// Why there is no skin.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum NoSkin {
-    /// The volume has fewer than two voxels along an axis, or slices at one place.
-    #[error("the volume is too small to hold a surface: a head needs a stack of slices, not a scout")]
-    NoVolume,
-    /// The histogram shows no air or no soft tissue.
-    #[error("the scan shows no air or no soft tissue: are the values Hounsfield units?")]
-    NoLevels,
-    /// Nothing in the scan can be a patient: it is thin, or alike in all slices, as a couch is.
-    #[error(
-        "no patient in the scan: nothing in it is thicker than 10 mm and not alike in all slices, as a couch is"
-    )]
-    NoPatient,
-    /// Not enough soft tissue lies within bone to be a brain.
-    #[error(
-        "no head in the scan: {brain_cm3:.0} cm³ of soft tissue lie within bone, a head has at least {limit_cm3:.0}"
-    )]
-    NoHead {
-        /// Soft tissue within bone, cm³.
-        brain_cm3: f64,
-        /// The least that is taken for a head, cm³.
-        limit_cm3: f64,
-    },
-    /// The patient's border to the air outside was nowhere accepted.
-    #[error("no border of the patient to the air outside could be accepted")]
-    NoBorder,
-    /// The observer asked to stop.
-    #[error("cancelled")]
-    Cancelled,
 }

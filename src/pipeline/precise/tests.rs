@@ -7,8 +7,8 @@ use ndarray::{Array3, Slice};
 use super::{Doubt, NoSkin, QualityLimits, Skin, SliceContour, StretchReason, Verdict, reconstruct};
 use crate::dicom::Volume;
 use crate::geometry::{Axis, Grid, Plane, Vec3, add, dot, norm, scale, sub};
+use crate::observer::Silent;
 use crate::phantom::{Acquisition, Options, Phantom};
-use crate::pipeline::Silent;
 
 /// A scan that is quick to make and to read: 0.9 mm pixels, 2 mm slices.
 fn options() -> Options {
@@ -422,7 +422,7 @@ fn each_plane_has_its_own_cloud_and_every_slice_its_row() {
     let (_, skin) = run(options(), 2.0);
     let skin = skin.expect("a head");
     for plane in Plane::ALL {
-        assert!(skin.of(plane).len() * 2 > skin.points.len(), "{plane:?}");
+        assert!(skin.in_plane(plane).len() * 2 > skin.points.len(), "{plane:?}");
         let rows = skin.slices.iter().filter(|s| s.plane == plane && s.accepted_mm > 100.0).count();
         assert!(rows > 50, "{plane:?} has {rows} rows");
     }

@@ -5,9 +5,10 @@ use ndarray::Array3;
 use super::{Pictures, PicturesError, write};
 use crate::dicom::{SeriesIdentity, Volume};
 use crate::geometry::{Axis, Grid, Plane};
+use crate::observer::Silent;
+use crate::observer::stop::Asked;
 use crate::pipeline::precise::{BorderPoint, StretchReason};
-use crate::pipeline::stop::Asked;
-use crate::pipeline::{Contours, Parameters, Reconstruction, Silent, border_picture, picture, reconstruct};
+use crate::pipeline::{Contours, Parameters, Reconstruction, border_picture, picture, reconstruct};
 
 /// No multiple of a brick along any axis.
 const SHAPE: [usize; 3] = [70, 300, 310];

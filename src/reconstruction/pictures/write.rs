@@ -9,7 +9,7 @@ use super::header::{Header, SCHEMA};
 use super::{BRICK, MAGIC, MOST_BYTES, MOST_LOST_BITS, deflated, marks};
 use crate::dicom::Volume;
 use crate::geometry::{Plane, norm};
-use crate::pipeline::stop::Asked;
+use crate::observer::stop::Asked;
 use crate::pipeline::{COLOURS, Reconstruction, WINDOW, grey, marks_of_plane};
 
 /// The file of a reconstruction of `volume`. Deflates brick by brick: beyond the volume it needs no

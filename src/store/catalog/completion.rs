@@ -6,13 +6,12 @@ use super::instances::{set_sha256, signed};
 use super::queue::{self, Enqueued};
 use super::{Catalog, clinical, corrections, reconstructions, rows, senders, series, transfers};
 use crate::dicom::header::InstanceHeader;
-use crate::dicom::identity::parted;
+use crate::dicom::identity::{IdentityField, parted};
+use crate::dicom::series::UnfitReason;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
 use crate::pipeline::Parameters;
-use crate::store::records::{
-    CompleteReason, IdentityField, InstanceRecord, ReconstructionId, SeriesState, UnfitReason,
-};
+use crate::store::records::{CompleteReason, InstanceRecord, ReconstructionId, SeriesState};
 
 /// A completion that found the queue full is tried again after this time.
 pub(super) const QUEUE_FULL_RETRY_MS: i64 = 1_000;

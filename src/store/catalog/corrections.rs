@@ -11,10 +11,11 @@ use super::dialect::Connection;
 use super::instances::{NewInstance, signed};
 use super::transfers::{self, OpenSender};
 use super::{Catalog, now_ms, queue, rows, senders};
+use crate::dicom::identity::IdentityField;
 use crate::dicom::identity::{Identity, parted};
 use crate::dicom::uid::{SeriesInstanceUid, SopInstanceUid};
 use crate::error::Result;
-use crate::store::records::{AttributeChange, IdentityChange, IdentityField, InstanceRecord};
+use crate::store::records::{AttributeChange, IdentityChange, InstanceRecord};
 
 /// What a confirmed instance did to its series.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

@@ -11,7 +11,7 @@ use super::queue::milliseconds;
 use super::rows::ResultFiles;
 use super::{Catalog, Transaction, now_ms, reconstructions, recovery, rows};
 use crate::error::{Error, Result};
-use crate::pipeline::Stage;
+use crate::observer::Stage;
 use crate::store::hashed::Seal;
 use crate::store::queue::{Fault, Heartbeat, Lease, Reclaim};
 use crate::store::records::{ReconstructionId, ReconstructionRecord};

@@ -8,9 +8,10 @@ use super::dump::{self, Columns};
 use super::instances::set_sha256;
 use super::{Catalog, clinical, identity, rows, series, transfers};
 use crate::dicom::identity::Identity;
+use crate::dicom::identity::IdentityField;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
-use crate::store::records::{IdentityField, InstanceRecord, SeriesState};
+use crate::store::records::{InstanceRecord, SeriesState};
 use crate::store::recovery::ResultRecord;
 use serde_json::Value;
 

@@ -10,14 +10,14 @@ use super::dialect::Row;
 use super::transfers::OpenSender;
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::identity::Identity;
+use crate::dicom::series::UnfitReason;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Error;
-use crate::pipeline::Stage;
+use crate::observer::Stage;
 use crate::store::hashed::Seal;
 use crate::store::records::{
     BrokenTransfer, ClinicalChoice, CompleteReason, InstanceRecord, ReconstructionRecord,
-    ReconstructionState, Refused, SenderEnd, SeriesRecord, SeriesState, TransferDoubt, UnfitReason,
-    UnreadableRow,
+    ReconstructionState, Refused, SenderEnd, SeriesRecord, SeriesState, TransferDoubt, UnreadableRow,
 };
 use crate::store::stored::{Unreadable, figure_json, parameter_json, quality_json};
 

@@ -2,14 +2,14 @@
 
 use super::value::Name;
 use super::{Schema, Unreadable, of_0_1, stored};
-use crate::pipeline::contour::ContourThresholds;
-use crate::pipeline::parameters::{RadiusOutlier, StatisticalOutlier};
-use crate::pipeline::precise::QualityLimits;
-use crate::pipeline::rules::{
+use crate::pipeline::paper::contour::ContourThresholds;
+use crate::pipeline::paper::rules::{
     AreaJumpThresholds, AreaOverThresholds, AxialIntensityThresholds, AxialMidLeftThresholds,
     FourDirectionThresholds, LastRowThresholds, LowerBandThresholds, RowCrossingsLowerThresholds,
     RowCrossingsUpperThresholds, SolidityAfterJumpThresholds, SolidityThresholds,
 };
+use crate::pipeline::parameters::{RadiusOutlier, StatisticalOutlier};
+use crate::pipeline::precise::QualityLimits;
 use crate::pipeline::{Parameters, Profile, Thresholds};
 
 const SCHEMA: Schema = Schema { what: "parameters", steps: &[of_0_1] };

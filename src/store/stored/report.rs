@@ -7,6 +7,7 @@ use super::parameters::ParametersV1;
 use super::quality::QualityV1;
 use super::value::Name;
 use super::{Schema, Unreadable, of_0_1, stored};
+use crate::dicom::series::UnfitReason;
 use crate::dicom::series::{DoubtfulRows, IgnoredInstance, RowsDoubt, Warning, WarningCode};
 use crate::dicom::uid::{FrameOfReferenceUid, SeriesInstanceUid, SopInstanceUid, StudyInstanceUid};
 use crate::geometry::Plane;
@@ -15,7 +16,6 @@ use crate::pipeline::{Decision, Reason};
 use crate::reconstruction::{
     Identity, PlaneSummary, RefusedInstance, Report, ReportError, ReportRow, UnusedFile, VolumeSummary,
 };
-use crate::store::UnfitReason;
 
 const SCHEMA: Schema = Schema { what: "report", steps: &[of_0_1] };
 

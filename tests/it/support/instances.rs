@@ -6,7 +6,7 @@ use std::path::Path;
 use triplanar::dicom::Volume;
 use triplanar::dicom::series::{ReadLimits, read};
 use triplanar::dicom::source::InstanceSource;
-use triplanar::pipeline::Silent;
+use triplanar::observer::Silent;
 
 use super::data;
 

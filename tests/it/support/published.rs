@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use triplanar::geometry::Plane;
-use triplanar::pipeline::contour::Pixel;
+use triplanar::pipeline::slices::Pixel;
 
 /// The series on which the published program was run.
 pub(crate) const SERIES: [&str; 4] =

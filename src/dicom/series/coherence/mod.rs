@@ -34,7 +34,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::pipeline::Observer;
+use crate::observer::Observer;
 
 use patches::Patch;
 pub(super) use stack::Stack;

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::super::frame::Rescale;
 use super::super::voxels::PADDING_HU;
 use super::{Finding, Kind, Stack};
-use crate::pipeline::Observer;
+use crate::observer::Observer;
 
 /// How the stored values of a slice become Hounsfield units.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::{Finding, Kind, MOST_OFF, Stack, findings};
-use crate::pipeline::{Observer, Silent, Stage};
+use crate::observer::{Observer, Silent, Stage};
 
 const SIDE: usize = 128;
 const COUNT: usize = 40;

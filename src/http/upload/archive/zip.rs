@@ -7,8 +7,9 @@ use zip::read::Config;
 use zip::result::ZipError;
 use zip::unstable::read::ZipIterable;
 
-use super::{Broken, SkipReason, Walk, malformed, told};
+use super::{Broken, Walk, malformed, told};
 use crate::error::Result;
+use crate::http::refused::SkipReason;
 
 pub(super) fn walk(file: File, walk: &mut Walk) -> Result<()> {
     let mut contents = file.try_clone()?;

@@ -4,8 +4,8 @@ use super::super::{Doubt, Missing, QualityLimits, Side, Skin, SkinPoint, Stretch
 use super::{distance, errors, has_point, options};
 use crate::dicom::Volume;
 use crate::geometry::{Vec3, norm, sub};
+use crate::observer::Silent;
 use crate::phantom::{Options, Phantom};
-use crate::pipeline::Silent;
 
 /// Plastic and bandages, HU.
 const PLASTIC: f64 = 60.0;
