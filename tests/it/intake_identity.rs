@@ -135,7 +135,7 @@ async fn a_replaced_data_set_stays_as_long_as_a_reconstruction_may_read_it() {
     for number in 1..5 {
         entrance.send(Uuid::new_v4(), &corrected(number)).await.unwrap();
     }
-    assert_eq!(entrance.store.instance_source(&read).read(0).unwrap(), Slice::of(1, 1).part10());
+    assert_eq!(entrance.store.instance_source(&read).read(0).unwrap(), Slice::of(1, 1).stored());
     assert!(entrance.store.finish_success(&claim.lease, &outcome("first")).await.unwrap());
     entrance.store.sweep(0).await.unwrap();
     assert_eq!(blobs(dir.path()), 4);

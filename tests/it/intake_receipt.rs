@@ -35,8 +35,8 @@ async fn a_stored_instance_is_our_header_and_the_untouched_data_set() {
     let instances = entrance.store.instances(&slice.series_uid()).await.unwrap();
     assert_eq!(instances.len(), 1);
     assert_eq!(instances[0].header, receipt.header);
-    assert_eq!(entrance.store.instance_source(&instances).read(0).unwrap(), slice.part10());
-    assert_eq!(instances[0].size, slice.part10().len() as u64);
+    assert_eq!(entrance.store.instance_source(&instances).read(0).unwrap(), slice.stored());
+    assert_eq!(instances[0].size, slice.stored().len() as u64);
     assert_eq!(unfinished(dir.path()), 0);
 }
 
@@ -49,7 +49,7 @@ async fn an_uploaded_file_is_stored_with_our_header_in_place_of_its_own() {
     file[..9].copy_from_slice(b"#!/bin/sh");
     entrance.upload(Uuid::new_v4(), &file).await.unwrap();
     let instances = entrance.store.instances(&slice.series_uid()).await.unwrap();
-    assert_eq!(entrance.store.instance_source(&instances).read(0).unwrap(), slice.part10());
+    assert_eq!(entrance.store.instance_source(&instances).read(0).unwrap(), slice.stored());
 }
 
 #[tokio::test]
@@ -59,7 +59,7 @@ async fn an_instance_larger_than_the_memory_buffer_arrives_whole() {
     let slice = Slice { edge: 1_100, ..Slice::default() };
     entrance.send(Uuid::new_v4(), &slice).await.unwrap();
     let instances = entrance.store.instances(&slice.series_uid()).await.unwrap();
-    assert_eq!(entrance.store.instance_source(&instances).read(0).unwrap(), slice.part10());
+    assert_eq!(entrance.store.instance_source(&instances).read(0).unwrap(), slice.stored());
 }
 
 #[tokio::test]
@@ -97,7 +97,7 @@ async fn other_pixels_under_a_stored_uid_are_refused_and_told_of() {
     assert_eq!(refused[0].sop_instance_uid, slice.sop_uid());
     assert_eq!(entrance.series(1).await.refused_instances, 1);
     let instances = entrance.store.instances(&slice.series_uid()).await.unwrap();
-    assert_eq!(entrance.store.instance_source(&instances).read(0).unwrap(), slice.part10());
+    assert_eq!(entrance.store.instance_source(&instances).read(0).unwrap(), slice.stored());
     assert_eq!(blobs(dir.path()), 1);
 }
 

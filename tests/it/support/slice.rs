@@ -1,5 +1,6 @@
 //! A small CT slice as bytes, element by element (PS3.5 section 7.1).
 
+use sha2::{Digest, Sha256};
 use triplanar::dicom::part10;
 use triplanar::dicom::uid::{SeriesInstanceUid, SopInstanceUid};
 
@@ -105,6 +106,18 @@ impl Slice {
         let class = self.sop_class.parse().unwrap();
         let mut file = part10::file_meta(&class, &self.sop_uid(), &self.syntax.parse().unwrap());
         file.extend(self.data_set());
+        file
+    }
+
+    /// The file that is stored of it: our header with its seal, and the untouched data set.
+    pub(crate) fn stored(&self) -> Vec<u8> {
+        let class = self.sop_class.parse().unwrap();
+        let data_set = self.data_set();
+        let content =
+            part10::Content { data_set_sha256: Sha256::digest(&data_set).into(), image_sha256: None };
+        let syntax = self.syntax.parse().unwrap();
+        let mut file = part10::sealed_file_meta(&class, &self.sop_uid(), &syntax, &content);
+        file.extend(data_set);
         file
     }
 }
