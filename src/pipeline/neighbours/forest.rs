@@ -9,8 +9,8 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use super::cells::squared_distance;
 use crate::observer::stop::{Asked, Stopped, unless_stopped};
 
-/// Points of one tree: it is built within some 30 ms of one core.
-const MOST_POINTS: usize = 1 << 17;
+/// Points of one tree. One of 2¹⁷ took 167 ms on a busy machine (`cargo bench --bench asks -- FOLDER paper 0.3`).
+const MOST_POINTS: usize = 1 << 15;
 
 /// Search trees of parts of a cloud that lie beside each other.
 pub(crate) struct Forest(Vec<Tree>);
