@@ -137,6 +137,22 @@ fn what_the_stages_hand_on_is_where_the_head_is_and_adds_up_to_the_report() {
 }
 
 #[test]
+fn a_stage_that_can_not_be_written_is_told_and_costs_neither_cloud_nor_report() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let phantom = Phantom::new(options()).expect("the options are in range");
+    std::fs::create_dir(dir.path().join("in")).expect("a folder");
+    phantom.write_series(&dir.path().join("in")).expect("a series");
+    std::fs::create_dir_all(dir.path().join("d/verdicts.ply")).expect("a folder in its place");
+    let mut command = triplanar();
+    command.current_dir(dir.path()).arg("reconstruct");
+    command.args(["in", "-o", "c.ply", "--report", "r.json", "--leaf", "4", "--dump", "d"]);
+    let output = run(command);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && stderr.contains("verdicts.ply"), "{stderr}");
+    assert!(dir.path().join("c.ply").is_file() && dir.path().join("r.json").is_file());
+}
+
+#[test]
 fn the_profile_paper_has_no_such_stages_and_a_folder_that_is_a_file_is_refused() {
     let dir = tempfile::tempdir().expect("a folder");
     std::fs::write(dir.path().join("taken"), "").expect("a file");

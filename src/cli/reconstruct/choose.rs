@@ -6,8 +6,7 @@ use std::fmt::Write as _;
 use crate::cli::inputs::{Inputs, Selected};
 use crate::cli::{Exit, Failed};
 use crate::dicom::header::InstanceHeader;
-use crate::dicom::series::UnfitReason;
-use crate::dicom::series::{unfit, unfit_detail};
+use crate::dicom::series::{UnfitReason, unfit, unfit_detail};
 use crate::dicom::uid::SeriesInstanceUid;
 
 struct Candidate {

@@ -77,13 +77,21 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     let dumping = args.dump.watch(&progress);
     let outcome = reconstruction::run(&selected, &parameters, &limits, &dumping);
     progress.finish();
-    dumping.finish()?;
+    let dumped = dumping.finish();
     match outcome {
         Ok(mut product) => {
             product.report.unused = selected.unused();
-            args.finish(&product, format)
+            args.finish(&product, format)?;
+            dumped
         }
-        Err(failure) => Err(args.no_cloud(failure, &selected)),
+        Err(failure) => {
+            let failed = args.no_cloud(failure, &selected);
+            // The failure itself matters more than a file of its stages.
+            if let Err(undumped) = dumped {
+                eprintln!("triplanar: {undumped}");
+            }
+            Err(failed)
+        }
     }
 }
 
