@@ -15,7 +15,7 @@ const UNCOMPRESSED: &str =
     "cornerstone3d_CTImage/CTImage.dcm_LittleEndianExplicitTransferSyntax_1.2.840.10008.1.2.1.dcm";
 
 fn fixtures() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/fixtures")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("it/fixtures")
 }
 
 /// File → SHA-256 of what pydicom decodes.

@@ -5,7 +5,7 @@ use triplanar::dicom::{PixelExtentError, sop_class, transfer_syntax};
 use triplanar::error::Error;
 
 fn statement() -> String {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/api/dicom-conformance.md");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../api/dicom-conformance.md");
     std::fs::read_to_string(path).unwrap()
 }
 

@@ -8,7 +8,7 @@ use crate::support::http::Server;
 
 #[test]
 fn api_openapi_json_is_what_the_code_says() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("api/openapi.json");
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../api/openapi.json");
     let stored = std::fs::read_to_string(&file).unwrap_or_default();
     assert!(
         stored == triplanar::http::openapi_json(),

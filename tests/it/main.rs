@@ -64,6 +64,7 @@ mod phantom_truth;
 mod pipeline_stops;
 mod precise_acquisitions;
 mod precise_files;
+mod precise_phantoms;
 mod published_program_clouds;
 mod published_program_fixture;
 mod published_program_points;

@@ -26,7 +26,7 @@ struct Row {
 }
 
 fn unpacked(name: &str) -> Vec<u8> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/fixtures/published").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("it/fixtures/published").join(name);
     let file = std::fs::File::open(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let mut bytes = Vec::new();
     GzDecoder::new(file).read_to_end(&mut bytes).expect("gzip");

@@ -39,6 +39,3 @@ pub use report::sides::Side;
 pub use report::stretches::{SliceContour, Stretch};
 pub use run::reconstruct;
 pub use skin::Skin;
-
-#[cfg(test)]
-mod tests;

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// If it is absent: the test is not marked as one that needs it.
 pub(crate) fn dir() -> PathBuf {
     let path = std::env::var_os("TRIPLANAR_TEST_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
     assert!(path.join("series").is_dir(), "no test data at {}", path.display());
     path
 }

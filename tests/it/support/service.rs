@@ -88,7 +88,7 @@ impl Settings {
 
 /// The binary, with no setting from the environment of the test.
 pub(crate) fn triplanar() -> Command {
-    without_settings(Command::new(env!("CARGO_BIN_EXE_triplanar")))
+    without_settings(Command::new(env!("CARGO_BIN_EXE_triplanar-tested")))
 }
 
 fn without_settings(mut command: Command) -> Command {

@@ -1,11 +1,13 @@
 //! What lies on the skin: masks, fiducials, pads, bandages.
 
-use super::super::{Doubt, Missing, QualityLimits, Side, Skin, SkinPoint, StretchReason, reconstruct};
 use super::{distance, errors, has_point, options};
-use crate::dicom::Volume;
-use crate::geometry::{Vec3, norm, sub};
-use crate::observer::Silent;
-use crate::phantom::{Options, Phantom};
+use triplanar::dicom::Volume;
+use triplanar::geometry::{Vec3, norm, sub};
+use triplanar::observer::Silent;
+use triplanar::phantom::{Options, Phantom};
+use triplanar::pipeline::precise::{
+    Doubt, Missing, QualityLimits, Side, Skin, SkinPoint, StretchReason, reconstruct,
+};
 
 /// Plastic and bandages, HU.
 const PLASTIC: f64 = 60.0;

@@ -20,7 +20,7 @@ fn test_data() {
     }
     let root = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo"));
     let data =
-        std::env::var_os("TRIPLANAR_TEST_DATA").map_or_else(|| root.join("../shared/data"), PathBuf::from);
+        std::env::var_os("TRIPLANAR_TEST_DATA").map_or_else(|| root.join("../../shared/data"), PathBuf::from);
     let folders = FOLDERS.map(|folder| data.join(folder));
     let missing: Vec<_> = folders.iter().filter(|folder| !folder.is_dir()).collect();
     // Cargo would run this again and again for a path that does not exist.

@@ -4,11 +4,13 @@ mod on_the_skin;
 
 use ndarray::{Array3, Slice};
 
-use super::{Doubt, NoSkin, QualityLimits, Skin, SliceContour, StretchReason, Verdict, reconstruct};
-use crate::dicom::Volume;
-use crate::geometry::{Axis, Grid, Plane, Vec3, add, dot, norm, scale, sub};
-use crate::observer::Silent;
-use crate::phantom::{Acquisition, Options, Phantom};
+use triplanar::dicom::Volume;
+use triplanar::geometry::{Axis, Grid, Plane, Vec3, add, dot, norm, scale, sub};
+use triplanar::observer::Silent;
+use triplanar::phantom::{Acquisition, Options, Phantom};
+use triplanar::pipeline::precise::{
+    Doubt, NoSkin, QualityLimits, Skin, SliceContour, StretchReason, Verdict, reconstruct,
+};
 
 /// A scan that is quick to make and to read: 0.9 mm pixels, 2 mm slices.
 fn options() -> Options {
