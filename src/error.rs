@@ -40,6 +40,12 @@ pub enum Error {
          its own"
     )]
     IncomparableInstance(SopInstanceUid),
+    /// The instance is stored already, and the budget of memory is too small to compare the two. C009, 409.
+    #[error(
+        "SOP instance {0} is already stored with other bytes, and the two can't be compared: {1}; the stored one was \
+         kept: raise the budget, or send what came first"
+    )]
+    TooLargeToCompare(SopInstanceUid, crate::memory::NoMemory),
     /// The instance is stored already in another series or study. C004, 409.
     #[error("SOP instance {0} is already stored as part of another series or study; the stored one was kept")]
     ConflictingSeries(SopInstanceUid),
@@ -327,7 +333,9 @@ impl Error {
             Self::MissingAttribute { .. } => ("missing-attribute", "Missing attribute", 0xC002, 422),
             Self::PixelDataSize(_) => ("pixel-data-size", "Pixel data of another size", 0xC007, 422),
             Self::ConflictingInstance(_) => ("conflicting-instance", "Conflicting instance", 0xC003, 409),
-            Self::IncomparableInstance(_) => ("incomparable-instance", "Incomparable instance", 0xC009, 409),
+            Self::IncomparableInstance(_) | Self::TooLargeToCompare(..) => {
+                ("incomparable-instance", "Incomparable instance", 0xC009, 409)
+            }
             Self::ConflictingSeries(_) => ("conflicting-series", "Conflicting series", 0xC004, 409),
             Self::ConflictingStudy(_) => ("conflicting-study", "Conflicting study", 0xC006, 409),
             Self::ConflictingIdentity(_) => ("conflicting-identity", "Conflicting identity", 0xC008, 409),

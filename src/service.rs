@@ -79,7 +79,7 @@ impl Service {
         let metrics = Arc::new(Metrics::new());
         let jobs = Jobs::new(store.clone(), &config, Arc::clone(&metrics))
             .map_err(|error| StartError::Threads(format!("{error:?}")))?;
-        let intake = Intake::new(store.clone(), &config, Arc::clone(&metrics), jobs.wakeup());
+        let intake = Intake::new(store.clone(), &config, Arc::clone(&metrics), jobs.wakeup(), jobs.memory());
 
         let stop = CancellationToken::new();
         let mut parts = JoinSet::new();

@@ -146,6 +146,11 @@ impl<'a> DataSet<'a> {
         View { bytes: &self.bytes, item: &self.top }
     }
 
+    /// Bytes of it, as they are walked over.
+    pub(crate) fn size(&self) -> u64 {
+        self.bytes.len() as u64
+    }
+
     /// All that the walk meets, plain values with their bytes.
     pub(crate) fn walk(&self, limits: &Limits, visit: &mut dyn FnMut(Event, &[u8])) -> Result<(), ScanError> {
         let mut input = Seekable::new(Cursor::new(&*self.bytes), 0)?;

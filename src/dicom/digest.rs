@@ -5,8 +5,9 @@ use dicom_dictionary_std::tags;
 use sha2::{Digest, Sha256};
 
 use super::dataset::{DataSet, RawPixels, View};
-use super::pixels::{Frames, PixelError};
+use super::pixels::{BYTES_A_PIXEL, Frames, PixelError};
 use super::scan::{Event, Limits, ScanError};
+use crate::memory::Memory;
 
 /// What of the data set itself the digest covers beside the pixels: where the image is and what
 /// its values mean.
@@ -47,7 +48,7 @@ const GROUPS: [(Tag, &[Tag]); 6] = [
 /// # Errors
 /// [`ScanError`] if the structure is not acceptable.
 pub fn content_digest(bytes: &[u8], limits: &Limits) -> Result<[u8; 32], ScanError> {
-    Ok(content(bytes, limits)?.digest)
+    Ok(content(bytes, limits, &Memory::unlimited())?.digest)
 }
 
 /// What an instance shows.
@@ -59,9 +60,11 @@ pub(crate) struct Content {
     pub(crate) is_decoded: bool,
 }
 
-/// The same, and whether it is comparable with that of another transfer syntax.
-pub(crate) fn content(bytes: &[u8], limits: &Limits) -> Result<Content, ScanError> {
-    let data_set = DataSet::open(bytes, limits)?;
+/// The same, and whether it is comparable with that of another transfer syntax. What is inflated and
+/// decoded on the way is taken from `memory`.
+pub(crate) fn content(bytes: &[u8], limits: &Limits, memory: &Memory) -> Result<Content, ScanError> {
+    let mut memory = memory.share();
+    let data_set = DataSet::open_within(bytes, limits, &mut memory, &|| false)?;
     let top = data_set.top();
     let mut digest = Sha256::new();
     texts(&mut digest, top, &ATTRIBUTES);
@@ -80,21 +83,34 @@ pub(crate) fn content(bytes: &[u8], limits: &Limits) -> Result<Content, ScanErro
         digest.update(top.u16(tag).map_or(-1, i32::from).to_le_bytes());
     }
     let before = digest.clone();
-    match decoded(&mut digest, &data_set) {
-        Ok(()) | Err(PixelError::NoPixelData) => {
-            Ok(Content { digest: digest.finalize().into(), is_decoded: true })
+    match Frames::of(&data_set) {
+        Ok(frames) => {
+            memory.grow(frames.format.pixels() as u64 * BYTES_A_PIXEL)?;
+            match decoded(&mut digest, &frames) {
+                Ok(()) => Ok(Content { digest: digest.finalize().into(), is_decoded: true }),
+                Err(_) => Ok(Content { digest: encoded(before, &data_set), is_decoded: false }),
+            }
         }
+        Err(PixelError::NoPixelData) => Ok(Content { digest: digest.finalize().into(), is_decoded: true }),
         Err(_) => Ok(Content { digest: encoded(before, &data_set), is_decoded: false }),
     }
 }
 
 /// SHA-256 over all attributes of an instance but its pixels, in any transfer syntax: their values without
-/// padding, those of big-endian data sets in little-endian order.
+/// padding, those of big-endian data sets in little-endian order. What is inflated and copied on the way is
+/// taken from `memory`.
 ///
 /// # Errors
-/// [`ScanError`] if the structure is not acceptable.
-pub(crate) fn attributes_digest(bytes: &[u8], limits: &Limits) -> Result<[u8; 32], ScanError> {
-    let data_set = DataSet::open(bytes, limits)?;
+/// [`ScanError`] if the structure is not acceptable, or there is no memory.
+pub(crate) fn attributes_digest(
+    bytes: &[u8],
+    limits: &Limits,
+    memory: &Memory,
+) -> Result<[u8; 32], ScanError> {
+    let mut memory = memory.share();
+    let data_set = DataSet::open_within(bytes, limits, &mut memory, &|| false)?;
+    // The longest value, at most.
+    memory.grow(data_set.size())?;
     let mut digest = Sha256::new();
     data_set.walk(limits, &mut |event, value| match event {
         // Group lengths, and padding of the data set, go with the encoding.
@@ -134,8 +150,7 @@ fn unit(vr: &[u8; 2]) -> usize {
     }
 }
 
-fn decoded(digest: &mut Sha256, data_set: &DataSet<'_>) -> Result<(), PixelError> {
-    let frames = Frames::of(data_set)?;
+fn decoded(digest: &mut Sha256, frames: &Frames<'_>) -> Result<(), PixelError> {
     for frame in 0..frames.format.frames as usize {
         for value in frames.stored(frame)?.values {
             digest.update(value.to_le_bytes());

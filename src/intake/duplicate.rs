@@ -4,10 +4,12 @@ use std::io::Cursor;
 
 use super::Intake;
 use crate::dicom::identity::IdentityField;
-use crate::dicom::scan::{Encoding, scan};
+use crate::dicom::scan::{Encoding, ScanError, scan};
 use crate::dicom::series::no_slice;
+use crate::dicom::uid::SopInstanceUid;
 use crate::dicom::{attributes_digest, content};
 use crate::error::{Error, Result};
+use crate::memory::NoMemory;
 use crate::store::{InstanceRecord, NewInstance, blocking};
 
 /// What a stored instance is to one with its UID that came now.
@@ -25,7 +27,7 @@ impl Intake {
     /// The same data set, or the same pixels and geometry, and then whose.
     ///
     /// # Errors
-    /// It is another one, or belongs to another series or study.
+    /// It is another one, or belongs to another series or study; or there is no memory to compare them.
     pub(super) async fn compare(&self, stored: &InstanceRecord, new: &NewInstance) -> Result<Comparison> {
         let (there, here) = (&stored.header, &new.header);
         let uid = &here.sop_instance_uid;
@@ -39,8 +41,10 @@ impl Intake {
         {
             return Ok(Comparison::Same);
         }
-        // Both are decoded whole: one pair at a time.
+        // Both are read whole and decoded: one pair at a time, from the budget of memory.
         let _permit = self.shared.comparisons.acquire().await.map_err(Error::internal)?;
+        let memory = self.shared.memory.clone();
+        let held = memory.take(stored.size.saturating_add(new.size)).map_err(|none| short(none, uid))?;
         if !self.shared.store.is_whole(stored).await? {
             return Err(Error::StoredDamaged(format!(
                 "SOP instance {uid} is stored, but its file is missing or damaged, and this is another data set: send \
@@ -53,7 +57,15 @@ impl Intake {
         let is_recoded = there.transfer_syntax_uid != here.transfer_syntax_uid;
         let (uid, here) = (uid.clone(), here.clone());
         blocking(move || {
-            match (content(&former, &limits), content(&latter, &limits)) {
+            let none = |error: &ScanError| match error {
+                ScanError::NoMemory(none) => Some(short(none.beside(held.bytes()), &uid)),
+                _ => None,
+            };
+            let contents = [&former, &latter].map(|bytes| content(bytes, &limits, &memory));
+            if let Some(none) = contents.iter().find_map(|content| none(content.as_ref().err()?)) {
+                return Err(none);
+            }
+            match contents.into() {
                 (Ok(one), Ok(other)) if one.digest == other.digest => {}
                 // What can't be decoded is not known to be the same.
                 (Ok(one), Ok(other)) if is_recoded && !(one.is_decoded && other.is_decoded) => {
@@ -70,9 +82,18 @@ impl Intake {
             if !fields.is_empty() {
                 return Ok(Comparison::Identity(fields));
             }
-            let same = attributes_digest(&former, &limits)? == attributes_digest(&latter, &limits)?;
+            let digest = |bytes| {
+                let digest = attributes_digest(bytes, &limits, &memory);
+                digest.map_err(|error| none(&error).unwrap_or_else(|| error.into()))
+            };
+            let same = digest(&former)? == digest(&latter)?;
             Ok(if same { Comparison::Same } else { Comparison::Other })
         })
         .await
     }
+}
+
+/// No memory to compare: not now, or never.
+fn short(none: NoMemory, uid: &SopInstanceUid) -> Error {
+    if none.never_fits() { Error::TooLargeToCompare(uid.clone(), none) } else { none.into() }
 }

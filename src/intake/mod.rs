@@ -36,6 +36,7 @@ use crate::dicom::scan::Limits;
 use crate::dicom::series;
 use crate::dicom::uid::{SopClassUid, SopInstanceUid, StudyInstanceUid};
 use crate::error::{Error, Result};
+use crate::memory::Memory;
 use crate::store::{OpenSender, Policy, Store};
 use crate::telemetry::{Metrics, SenderKind};
 
@@ -117,6 +118,7 @@ struct Shared {
     timers: Notify,
     shut: AtomicBool,
     comparisons: Semaphore,
+    memory: Memory,
     senders: senders::Senders,
     policy: Policy,
     scan_limits: Limits,
@@ -125,9 +127,16 @@ struct Shared {
 }
 
 impl Intake {
-    /// `wake` is told whenever a reconstruction was queued.
+    /// `wake` is told whenever a reconstruction was queued; what instances are compared in comes from
+    /// `memory`.
     #[must_use]
-    pub fn new(store: Store, config: &Config, metrics: Arc<Metrics>, wake: Arc<Notify>) -> Self {
+    pub fn new(
+        store: Store,
+        config: &Config,
+        metrics: Arc<Metrics>,
+        wake: Arc<Notify>,
+        memory: Memory,
+    ) -> Self {
         let policy = Policy {
             max_series_instances: config.intake.max_series_instances,
             quiet_ms: milliseconds(config.intake.quiet),
@@ -144,6 +153,7 @@ impl Intake {
             timers: Notify::new(),
             shut: AtomicBool::new(false),
             comparisons: Semaphore::new(1),
+            memory,
             senders: senders::Senders::default(),
             policy,
             scan_limits: Limits { max_inflated_bytes: config.intake.max_inflated_bytes, ..Limits::default() },

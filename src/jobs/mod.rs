@@ -117,7 +117,8 @@ impl Jobs {
     }
 
     /// The budget of memory, for what else needs some.
-    pub(crate) fn memory(&self) -> Memory {
+    #[must_use]
+    pub fn memory(&self) -> Memory {
         self.shared.limits.memory.clone()
     }
 

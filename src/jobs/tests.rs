@@ -32,7 +32,7 @@ impl Fixture {
         let metrics = Arc::new(Metrics::new());
         let store = Store::open(&config.storage).await.unwrap();
         let jobs = Jobs::with_work(store.clone(), &config, Arc::clone(&metrics), work).unwrap();
-        let intake = Intake::new(store.clone(), &config, metrics, jobs.wakeup());
+        let intake = Intake::new(store.clone(), &config, metrics, jobs.wakeup(), jobs.memory());
         let options = Options { columns: 32, rows: 32, slices: 12, ..Options::default() };
         let phantom = Phantom::new(options).unwrap();
         for (_, bytes) in phantom.instances() {

@@ -135,6 +135,7 @@ pub(crate) fn marks_of_plane(
     match &result.contours {
         Contours::Pixels(contours) => {
             for (row, contour) in result.slices.iter().zip(contours).filter(|(row, _)| row.plane == plane) {
+                asked.ask();
                 let Some(marks) = marks.get_mut(row.index) else { continue };
                 let kind = u8::from(row.rejection.is_some());
                 #[expect(clippy::cast_precision_loss, reason = "rows and columns of a slice")]

@@ -58,7 +58,12 @@ fn reconstructed(
         .map_err(|error| from_pipeline(error, &volume, parameters, &warnings, with_pictures))?;
     observer.progress(Stage::Writing, 0.0);
     let asked = Asked::of(observer);
-    let made = || product(asked, &volume, parameters, &reconstruction, warnings, with_pictures);
+    let made = || {
+        let product = product(asked, &volume, parameters, &reconstruction, warnings, with_pictures);
+        reconstruction.free(asked);
+        asked.free(volume.hu.into_raw_vec_and_offset().0);
+        product
+    };
     unless_stopped(made).map_err(|_stopped| Failure::cancelled())
 }
 

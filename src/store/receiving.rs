@@ -103,10 +103,9 @@ impl Store {
     /// was stored first, by which its set keeps its identity when the catalog is rebuilt. The former
     /// file is removed. Blocks.
     pub(crate) fn state_image(&self, new: &NewInstance, image_sha256: [u8; 32]) -> Result<NewInstance> {
-        let former = self.0.blobs.read(&new.blob)?;
-        let data_set =
-            verify::data_set(&former).ok_or_else(|| Error::internal("not the file that was kept"))?;
-        let staged = self.stage(new.header.clone(), Some(image_sha256), data_set)?;
+        let mut former = self.0.blobs.open(&new.blob)?;
+        verify::header_of(&mut former)?.ok_or_else(|| Error::internal("not the file that was kept"))?;
+        let staged = self.stage(new.header.clone(), Some(image_sha256), former)?;
         if staged.data_set_sha256 != new.data_set_sha256 {
             return Err(Error::internal("the file that was kept has changed"));
         }
@@ -150,8 +149,8 @@ impl Store {
     /// Whether the blob of a stored instance is what was received.
     pub(crate) async fn is_whole(&self, row: &super::InstanceRecord) -> Result<bool> {
         let (blobs, row) = (Arc::clone(&self.0.blobs), row.clone());
-        blocking(move || match blobs.read(&row.blob) {
-            Ok(file) => Ok(is_whole(&row, &file)),
+        blocking(move || match blobs.open(&row.blob).and_then(|file| is_whole(&row, file)) {
+            Ok(is_whole) => Ok(is_whole),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
             Err(error) => Err(error.into()),
         })

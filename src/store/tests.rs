@@ -32,7 +32,13 @@ impl Fixture {
         config.storage.min_free_bytes = 0;
         config.intake.min_slices = 2;
         let store = Store::open(&config.storage).await.unwrap();
-        let intake = Intake::new(store.clone(), &config, Arc::new(Metrics::new()), Arc::new(Notify::new()));
+        let intake = Intake::new(
+            store.clone(),
+            &config,
+            Arc::new(Metrics::new()),
+            Arc::new(Notify::new()),
+            config.memory.budget(),
+        );
         let phantom =
             Phantom::new(Options { columns: 32, rows: 32, slices: 4, ..Options::default() }).unwrap();
         let files = phantom.instances().into_iter().map(|(_, bytes)| bytes).collect();

@@ -24,6 +24,19 @@ pub(super) struct Acknowledged<'a> {
     pub(super) data_set_sha256: [u8; 32],
 }
 
+impl<'a> Acknowledged<'a> {
+    fn of(row: &'a InstanceRecord) -> Self {
+        let header = &row.header;
+        Self {
+            sop_class: &header.sop_class_uid,
+            sop_instance: &header.sop_instance_uid,
+            transfer_syntax: &header.transfer_syntax_uid,
+            size: row.size,
+            data_set_sha256: row.data_set_sha256,
+        }
+    }
+}
+
 /// SHA-256 of the data set of a Part 10 file that we wrote; `None` if it has not our header.
 pub(super) fn fingerprint(file: &[u8]) -> Option<[u8; 32]> {
     fingerprint_unless(file, &|| false)
@@ -55,29 +68,54 @@ pub(super) fn image_sha256(file: &[u8]) -> Option<[u8; 32]> {
 }
 
 /// The data set of a Part 10 file that we wrote.
-pub(super) fn data_set(file: &[u8]) -> Option<&[u8]> {
+fn data_set(file: &[u8]) -> Option<&[u8]> {
     file.get(data_set_offset(file)?..)
 }
 
-/// Whether the file is the one that the row tells of.
-pub(super) fn is_whole(row: &InstanceRecord, file: &[u8]) -> bool {
-    is_whole_unless(row, file, &|| false)
+/// Longest header of ours, bytes: one with three UIDs and what tells the software has some 400.
+const LONGEST_HEADER: usize = 1 << 12;
+/// What is held of a file that is read to be hashed.
+const HELD: usize = 1 << 16;
+
+/// The header of a Part 10 file that we wrote, up to its data set, which is read next; `None` if it has
+/// none of ours.
+///
+/// # Errors
+/// Those of reading it.
+pub(super) fn header_of(file: &mut impl Read) -> io::Result<Option<Vec<u8>>> {
+    let mut header = Vec::new();
+    file.by_ref().take(GROUP as u64).read_to_end(&mut header)?;
+    let Some(end) = data_set_offset(&header).filter(|end| *end <= LONGEST_HEADER) else { return Ok(None) };
+    file.by_ref().take((end - GROUP) as u64).read_to_end(&mut header)?;
+    Ok((header.len() == end).then_some(header))
 }
 
-/// The same; false too if it is `stopped` before that is known.
+/// Whether a file is the one that the row tells of: it is read piece by piece.
+///
+/// # Errors
+/// Those of reading it.
+pub(super) fn is_whole(row: &InstanceRecord, mut file: impl Read) -> io::Result<bool> {
+    let what = Acknowledged::of(row);
+    let Some(header) = header_of(&mut file)?.filter(|header| names(&what, header)) else { return Ok(false) };
+    let (mut size, mut hash, mut piece) = (header.len() as u64, Sha256::new(), vec![0; HELD]);
+    loop {
+        match file.read(&mut piece) {
+            Ok(0) => {
+                return Ok(size == what.size && <[u8; 32]>::from(hash.finalize()) == what.data_set_sha256);
+            }
+            Ok(read) => {
+                size += read as u64;
+                hash.update(&piece[..read]);
+            }
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+/// The same of a file that is there; false too if it is `stopped` before that is known.
 pub(super) fn is_whole_unless(row: &InstanceRecord, file: &[u8], stopped: &dyn Fn() -> bool) -> bool {
-    let header = &row.header;
-    is_acknowledged_unless(
-        &Acknowledged {
-            sop_class: &header.sop_class_uid,
-            sop_instance: &header.sop_instance_uid,
-            transfer_syntax: &header.transfer_syntax_uid,
-            size: row.size,
-            data_set_sha256: row.data_set_sha256,
-        },
-        file,
-        stopped,
-    )
+    is_acknowledged_unless(&Acknowledged::of(row), file, stopped)
 }
 
 /// Whether the file is what was acknowledged.

@@ -11,8 +11,10 @@ use triplanar::observer::Silent;
 use triplanar::phantom::{Options, Phantom};
 use triplanar::pipeline::Parameters;
 use triplanar::reconstruction::{Failure, run};
+use uuid::Uuid;
 
 use crate::support::bytes::{self, DEFLATED};
+use crate::support::entrance::{Entrance, settings};
 use crate::support::instances::InMemory;
 
 /// Pixels along a side.
@@ -89,6 +91,38 @@ fn deflated_slices_that_do_not_fit_beside_each_other_are_read_one_after_the_othe
     assert_eq!(refused.code(), "too_large_for_memory");
     assert!(refused.to_string().contains("memory.budget_bytes"), "{refused}");
     assert_eq!(small.used(), 0);
+}
+
+#[tokio::test]
+async fn what_came_again_with_other_bytes_is_compared_within_the_budget() {
+    let plain = phantom().instances().remove(0).1;
+    let swollen = swollen().0.remove(0);
+    // It inflates to 24 MiB, of which one value is copied.
+    let (dir, memory) = (tempfile::tempdir().unwrap(), Memory::new(96 * MIB));
+    let entrance = Entrance::within(settings(dir.path()), memory.clone()).await;
+    let stored = entrance.upload(Uuid::new_v4(), &plain).await.expect("nothing is compared").header;
+    let others = memory.take(76 * MIB).expect("room");
+    let refused = entrance.upload(Uuid::new_v4(), &swollen).await.unwrap_err();
+    let told = refused.mapping();
+    assert_eq!((told.code, told.dimse_status, told.http_status), ("busy", 0xA700, 503), "{refused}");
+    assert!(refused.to_string().contains("memory.budget_bytes"), "{refused}");
+    let noted = entrance.store.refused(&stored.series_instance_uid).await.unwrap();
+    assert!(noted.is_empty(), "it will be sent again");
+    drop(others);
+    let receipt = entrance.upload(Uuid::new_v4(), &swollen).await.expect("there is room now");
+    assert!(!receipt.duplicate, "it has an attribute more");
+    assert_eq!(memory.used(), 0, "everything is given back");
+    entrance.stop().await;
+
+    // Alone in the budget it does not fit either.
+    let (dir, small) = (tempfile::tempdir().unwrap(), Memory::new(20 * MIB));
+    let entrance = Entrance::within(settings(dir.path()), small.clone()).await;
+    entrance.upload(Uuid::new_v4(), &plain).await.expect("nothing is compared");
+    let refused = entrance.upload(Uuid::new_v4(), &swollen).await.unwrap_err();
+    assert_eq!(refused.mapping().code, "incomparable-instance", "{refused}");
+    assert!(refused.to_string().contains("memory.budget_bytes"), "{refused}");
+    assert_eq!(small.used(), 0);
+    entrance.stop().await;
 }
 
 #[test]

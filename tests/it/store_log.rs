@@ -4,6 +4,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use sqlx::Connection as _;
+use sqlx::sqlite::SqliteConnectOptions;
 use tempfile::tempdir;
 use triplanar::store::{OpenError, Store};
 use uuid::Uuid;
@@ -65,6 +67,41 @@ async fn is_refused(data: &Path, expected: u64) {
         let _the_index_may_be_gone = fs::remove_file(data.join(name));
     }
     assert_eq!(instances(data, 1).await, expected, "what came after the backup is entered from its files");
+}
+
+/// Makes a catalog one of schema 7, the last one without names.
+async fn downgrade(data: &Path) {
+    let options = SqliteConnectOptions::new().filename(data.join("catalog.sqlite"));
+    let mut connection = sqlx::SqliteConnection::connect_with(&options).await.unwrap();
+    let statements = "DROP TABLE generation; DROP TABLE attribute_changes; \
+                      DELETE FROM schema_version WHERE version >= 8; \
+                      PRAGMA user_version = 0; PRAGMA wal_checkpoint(TRUNCATE)";
+    sqlx::raw_sql(statements).execute(&mut connection).await.unwrap();
+    connection.close().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_log_of_after_an_upgrade_beside_a_catalog_of_before_it_is_refused() {
+    let dir = tempdir().unwrap();
+    let data = dir.path().join("data");
+    let entrance = Entrance::open(settings(&data)).await;
+    entrance.send_all(Uuid::new_v4(), 1, 1..3).await;
+    entrance.stop().await;
+    downgrade(&data).await;
+    let backup = fs::read(data.join("catalog.sqlite")).unwrap();
+
+    let entrance = Entrance::open(settings(&data)).await;
+    let upgraded = image(&data, dir.path().join("upgraded"));
+    assert!(log_length(&upgraded) > 0);
+    entrance.send_all(Uuid::new_v4(), 1, 3..6).await;
+    let own = image(&data, dir.path().join("own"));
+    let foreign = image(&data, dir.path().join("foreign"));
+    entrance.stop().await;
+    assert_eq!((instances(&own, 1).await, instances(&data, 1).await), (5, 5), "a log of its own is replayed");
+    for (data, expected) in [(&upgraded, 2), (&foreign, 5)] {
+        fs::write(data.join("catalog.sqlite"), &backup).unwrap();
+        is_refused(data, expected).await;
+    }
 }
 
 #[tokio::test]

@@ -82,25 +82,34 @@ async fn every_column_of_series_instances_reconstructions_and_choices_comes_back
         entrance.store.choose_clinical(&uid, choice, Some("operator")).await.unwrap();
         tokio::time::sleep(Duration::from_millis(2)).await;
     }
+    // Another attribute of two instances, before the last result was stored.
+    for number in 1..3 {
+        let corrected = Slice { comments: "corrected", ..Slice::of(1, number) };
+        entrance.send(Uuid::new_v4(), &corrected).await.unwrap();
+    }
+    let third = Parameters { leaf_mm: 3.0, ..entrance.config.pipeline.clone() };
+    entrance.store.enqueue(&uid, &third, 10).await.unwrap();
+    finish(&entrance).await;
     // A corrected identity of every instance: the set, and so the reconstructions, stay the same.
     for number in 1..5 {
         let corrected = Slice { patient_id: "PATIENT-0815", ..Slice::of(1, number) };
         entrance.send(Uuid::new_v4(), &corrected).await.unwrap();
     }
     entrance.stop().await;
-    let tables: [(&str, &[&str]); 5] = [
+    let tables: [(&str, &[&str]); 6] = [
         ("reconstructions", &[]),
         // When it came is when its file was written; rounds of identity count from the last one.
         ("instances", &["received_ms", "identity_round"]),
         ("series", &["created_ms", "updated_ms", "identity_round"]),
         ("clinical_choices", &[]),
         ("expectations", &["set_ms"]),
+        ("attribute_changes", &[]),
     ];
     let mut before = Vec::new();
     for (table, but) in tables {
         before.push(rows(dir.path(), table, but).await);
     }
-    assert_eq!(before.iter().map(Vec::len).collect::<Vec<_>>(), [2, 4, 1, 3, 1]);
+    assert_eq!(before.iter().map(Vec::len).collect::<Vec<_>>(), [3, 4, 1, 3, 1, 1]);
     assert_ne!(before[1][0]["image_sha256"], "NULL");
     assert_eq!(
         (&*before[2][0]["incomplete_transfer"], &*before[2][0]["patient_id"]),
@@ -108,7 +117,9 @@ async fn every_column_of_series_instances_reconstructions_and_choices_comes_back
     );
 
     let told = rebuilt(&config).await;
-    assert!(told.lost.iter().any(|lost| lost.contains("identities were corrected")), "{told:#?}");
+    for lost in ["identities were corrected", "other attributes were corrected", "refusals of instances"] {
+        assert!(told.lost.iter().any(|told| told.contains(lost)), "{lost}: {told:#?}");
+    }
     for ((table, but), before) in tables.into_iter().zip(before) {
         assert_eq!(rows(dir.path(), table, but).await, before, "{table}");
     }

@@ -120,6 +120,9 @@ impl Format {
     }
 }
 
+/// While a frame is decoded, for each of its pixels: 4 of the codec's, 2 of its output, 4 of the values.
+pub(crate) const BYTES_A_PIXEL: u64 = 10;
+
 /// The frames of one instance, ready to be decoded one by one, from several threads.
 pub(crate) struct Frames<'a> {
     pub(crate) format: Format,

@@ -3,7 +3,7 @@
 use super::slice::Slice;
 use super::{ReadLimits, SeriesError, Warning, WarningCode, stack};
 use crate::dicom::dataset::DataSet;
-use crate::dicom::pixels::Frames;
+use crate::dicom::pixels::{BYTES_A_PIXEL, Frames};
 use crate::dicom::source::InstanceSource;
 use crate::geometry::{Vec3, norm, sub};
 use crate::observer::Observer;
@@ -73,7 +73,7 @@ fn content(
         return Err(super::cancelled());
     }
     let pixels = slice.matrix.map_or(0, |(rows, columns)| u64::from(rows) * u64::from(columns));
-    let need = source.size(slice.source).unwrap_or_default() + pixels * super::voxels::BYTES_A_PIXEL;
+    let need = source.size(slice.source).unwrap_or_default() + pixels * BYTES_A_PIXEL;
     let mut memory = limits.memory.take(need).map_err(|none| super::no_memory(none, name()))?;
     let bytes = source.read_unless(slice.source, &stopped);
     let bytes = bytes.map_err(|error| super::unreadable(&error, name()))?;

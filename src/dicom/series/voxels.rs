@@ -14,18 +14,16 @@ use super::orient::Orientation;
 use super::slice::Slice;
 use super::{Decoding, SeriesError, Warning, WarningCode};
 use crate::dicom::dataset::DataSet;
-use crate::dicom::pixels::{Frames, PixelError};
+use crate::dicom::pixels::{BYTES_A_PIXEL, Frames, PixelError};
 use crate::dicom::source::InstanceSource;
 use crate::geometry::Axis;
+use crate::observer::stop::{Asked, unless_stopped};
 use crate::observer::{Observer, Stage};
 
 /// Hounsfield units that pixels marked as padding (PS3.3 section C.7.5.1.1.2) get: air.
 pub(super) const PADDING_HU: i16 = -1024;
 /// Padding above this could be tissue: half the way from air to water, HU.
 const TISSUE_HU: f64 = -500.0;
-
-/// While a frame is decoded, for each of its pixels: 4 of the codec's, 2 of its output, 4 of the values.
-pub(super) const BYTES_A_PIXEL: u64 = 10;
 
 /// A slice and the part of the array that is its own.
 struct Place<'a> {
@@ -107,7 +105,8 @@ pub(super) fn read(
     let reading = |slice: &Slice| Reading { rescale: rescale_of(slice), format: slice.format };
     let readings: Vec<Reading> = slices.iter().map(reading).collect();
     let stack = layout.stack(&voxels, slices, &readings);
-    let findings = coherence::findings(&stack, &off_their_ends, observer);
+    let findings = unless_stopped(|| coherence::findings(&stack, &off_their_ends, observer));
+    let findings = findings.map_err(|_stopped| super::cancelled())?;
     // What is found in a part of the slices counts for nothing.
     if observer.cancelled() {
         return Err(super::cancelled());
@@ -306,6 +305,8 @@ impl Layout {
             }
             to.assign(&from);
         }
+        let turned = other.into_raw_vec_and_offset().0;
+        unless_stopped(|| Asked::of(observer).free(turned)).ok()?;
         Some(hu)
     }
 }

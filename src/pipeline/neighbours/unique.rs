@@ -61,8 +61,9 @@ impl Reconstruction {
         distance_mm: f32,
         observer: &dyn Observer,
     ) -> Result<(), PipelineError> {
-        let axial = self.uniplanar[Plane::Axial.index()].points.clone();
         let effort = Effort::of(observer, "leaf_mm and unique_distance_mm");
+        let mut axial = Vec::new();
+        effort.asked().extend(&mut axial, &self.uniplanar[Plane::Axial.index()].points);
         for cloud in self.uniplanar.iter_mut().chain([&mut self.triplanar]) {
             cloud.unique = unique_within(&cloud.points, &axial, distance_mm, &effort)?;
         }

@@ -21,7 +21,7 @@ pub fn lift(decisions: &Decisions, grid: &Grid) -> [PointCloud; 3] {
 
 /// The same, asking whether to stop.
 pub(super) fn lift_asking(asked: Asked<'_>, decisions: &Decisions, grid: &Grid) -> [PointCloud; 3] {
-    let bounds = Bounds::of_axial(decisions, grid.shape());
+    let bounds = Bounds::of_axial(asked, decisions, grid.shape());
     Plane::ALL.map(|plane| {
         let mut cloud = PointCloud::default();
         for (index, contour) in decisions.accepted(plane) {
@@ -60,9 +60,10 @@ struct Bounds {
 }
 
 impl Bounds {
-    fn of_axial(decisions: &Decisions, shape: [usize; 3]) -> Self {
+    fn of_axial(asked: Asked<'_>, decisions: &Decisions, shape: [usize; 3]) -> Self {
         let mut bounds = Self { y: (usize::MAX, 0), x: (usize::MAX, 0) };
         for (index, contour) in decisions.accepted(Plane::Axial) {
+            asked.ask();
             for &pixel in contour {
                 let [_, y, x] = slices::voxel(shape, Plane::Axial, index, pixel);
                 bounds.y = (bounds.y.0.min(y), bounds.y.1.max(y));

@@ -123,10 +123,9 @@ fn progress(observer: &dyn Observer, stage: Stage, fraction: f64) -> Result<(), 
 fn concatenated(asked: Asked<'_>, clouds: &[PointCloud; 3]) -> PointCloud {
     let mut whole = PointCloud::default();
     for cloud in clouds {
-        asked.ask();
-        whole.points.extend_from_slice(&cloud.points);
-        whole.planes.extend_from_slice(&cloud.planes);
-        whole.unique.extend_from_slice(&cloud.unique);
+        asked.extend(&mut whole.points, &cloud.points);
+        asked.extend(&mut whole.planes, &cloud.planes);
+        asked.extend(&mut whole.unique, &cloud.unique);
     }
     whole
 }

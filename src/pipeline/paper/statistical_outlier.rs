@@ -6,6 +6,7 @@ use std::num::NonZero;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::observer::Observer;
+use crate::observer::stop::{Asked, unless_stopped};
 use crate::pipeline::neighbours::effort::Effort;
 use crate::pipeline::neighbours::forest::Forest;
 use crate::pipeline::parameters::StatisticalOutlier;
@@ -28,8 +29,16 @@ pub fn kept(
         return Ok(vec![true; points.len()]);
     }
     let means = mean_distances(points, filter.neighbours as usize, observer)?;
-    let limit = limit(&means, filter.deviations);
-    Ok(means.iter().map(|&mean| f64::from(mean) <= limit).collect())
+    let asked = Asked::of(observer);
+    let kept = unless_stopped(|| {
+        let limit = limit(asked, &means, filter.deviations);
+        let kept = |(number, &mean): (usize, &f32)| {
+            asked.ask_at(number);
+            f64::from(mean) <= limit
+        };
+        means.iter().enumerate().map(kept).collect()
+    })?;
+    Ok(kept)
 }
 
 /// Tests of a distance for each neighbour that is found in a search tree, about.
@@ -63,10 +72,11 @@ fn mean_distances(
 }
 
 #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 points")]
-fn limit(means: &[f32], deviations: f64) -> f64 {
+fn limit(asked: Asked<'_>, means: &[f32], deviations: f64) -> f64 {
     let count = means.len() as f64;
-    let sum: f64 = means.iter().map(|&m| f64::from(m)).sum();
-    let squares: f64 = means.iter().map(|&m| f64::from(m * m)).sum();
+    let asking = || means.iter().enumerate().inspect(|(number, _)| asked.ask_at(*number));
+    let sum: f64 = asking().map(|(_, &m)| f64::from(m)).sum();
+    let squares: f64 = asking().map(|(_, &m)| f64::from(m * m)).sum();
     let variance = (squares - sum * sum / count) / (count - 1.0);
     sum / count + deviations * variance.max(0.0).sqrt()
 }

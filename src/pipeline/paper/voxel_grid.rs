@@ -50,6 +50,7 @@ pub(super) fn voxel_grid_asking(asked: Asked<'_>, cloud: &PointCloud, leaf_mm: f
         sampled.planes.push(planes);
         sampled.unique.push(false);
     }
+    asked.free(cells);
     sampled
 }
 

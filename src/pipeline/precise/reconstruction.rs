@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use super::{BorderPoint, NoSkin, QualityLimits, SkinPoint, SliceContour, Stretch};
+use super::{BorderPoint, NoSkin, QualityLimits, Skin, SkinPoint, SliceContour, Stretch};
 use crate::cloud::PointCloud;
 use crate::dicom::Volume;
 use crate::geometry::Plane;
@@ -32,13 +32,14 @@ pub(crate) fn reconstruct(
         Err(NoSkin::Cancelled) => return Err(PipelineError::Cancelled),
         Err(cause) => return Err(PipelineError::NoSkin { cause, partial: Box::new(nothing(shape)) }),
     };
+    let Skin { points, uniplanar, quality, slices, border, measured } = skin;
     let mut result = Reconstruction {
-        triplanar: cloud(asked, &skin.points),
-        uniplanar: Plane::ALL.map(|plane| cloud(asked, skin.in_plane(plane))),
-        figures: Figures { raw: skin.measured, ..Figures::default() },
-        slices: rows(asked, shape, &skin.slices, &skin.border),
-        quality: Some(skin.quality),
-        contours: Contours::Border(skin.border),
+        triplanar: cloud(asked, points),
+        uniplanar: uniplanar.map(|points| cloud(asked, points)),
+        figures: Figures { raw: measured, ..Figures::default() },
+        slices: rows(asked, shape, &slices, &border),
+        quality: Some(quality),
+        contours: Contours::Border(border),
     };
     result.note_merged();
     result.figures.after_radius = count(&result.triplanar);
@@ -57,15 +58,17 @@ pub fn border(volume: &Volume) -> Vec<BorderPoint> {
     skin.map_or_else(|_| Vec::new(), |skin| skin.border)
 }
 
-fn cloud(asked: Asked<'_>, points: &[SkinPoint]) -> PointCloud {
-    asked.ask();
-    PointCloud {
-        points: points.iter().map(|point| point.place).collect(),
-        planes: points.iter().map(|point| point.planes).collect(),
+fn cloud(asked: Asked<'_>, points: Vec<SkinPoint>) -> PointCloud {
+    let asking = || points.iter().enumerate().inspect(|(number, _)| asked.ask_at(*number));
+    let cloud = PointCloud {
+        points: asking().map(|(_, point)| point.place).collect(),
+        planes: asking().map(|(_, point)| point.planes).collect(),
         unique: vec![false; points.len()],
-        normals: points.iter().map(|point| point.normal).collect(),
-        errors: points.iter().map(|point| point.error).collect(),
-    }
+        normals: asking().map(|(_, point)| point.normal).collect(),
+        errors: asking().map(|(_, point)| point.error).collect(),
+    };
+    asked.free(points);
+    cloud
 }
 
 /// No skin was found: no slice has a contour of it.

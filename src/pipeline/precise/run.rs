@@ -34,5 +34,6 @@ fn stages(volume: &Volume, wish: &Wish<'_>, observer: &dyn Observer) -> Result<S
     let border = inspected(&scan, Border::of(&scan, labels, &AT_FIRST_SIGHT)?);
     let verdicts = inspected(&scan, Verdicts::of(&scan, border));
     let skin = inspected(&scan, Skin::of(&scan, &verdicts, wish));
+    verdicts.free(scan.sampler.asked());
     Ok(skin.counted_from(scan.sampler.slice_axis(), slices.first))
 }

@@ -72,7 +72,8 @@ impl Skin {
         let quality = assess::quality(scan, head, &measured);
         let quality = Quality { doubtful_slices: wish.doubtful_slices, ..quality }.judge(wish.limits);
         scan.tell(Stage::Downsampling, 1.0);
-        let Clouds { points, uniplanar, measured, .. } = clouds;
+        let Clouds { points, uniplanar, measured, agreements } = clouds;
+        sampler.asked().free(agreements);
         Self { points, uniplanar, quality, slices, border, measured }
     }
 

@@ -4,6 +4,7 @@ use super::figures::{Figures, count, share};
 use super::slice_row::SliceRow;
 use crate::cloud::PointCloud;
 use crate::geometry::Plane;
+use crate::observer::stop::Asked;
 use crate::pipeline::precise::{BorderPoint, Quality};
 use crate::pipeline::slices::Pixel;
 
@@ -43,6 +44,22 @@ impl Contours {
 }
 
 impl Reconstruction {
+    /// Drops it, asking.
+    pub(crate) fn free(self, asked: Asked<'_>) {
+        for cloud in self.uniplanar.into_iter().chain([self.triplanar]) {
+            asked.free(cloud.points);
+            asked.free(cloud.normals);
+            asked.free(cloud.errors);
+        }
+        match self.contours {
+            Contours::Border(border) => asked.free(border),
+            Contours::Pixels(contours) => contours.into_iter().for_each(|pixels| {
+                asked.ask();
+                drop(pixels);
+            }),
+        }
+    }
+
     /// Counts the points of each plane and of the merged cloud, and those beyond the axial ones.
     pub(crate) fn note_merged(&mut self) {
         let figures = &mut self.figures;

@@ -6,12 +6,16 @@
 //!
 //! 1. `base = current`, `current = ` a new name, in the log;
 //! 2. the log is written into the file and emptied;
-//! 3. `base = current`, the first entry of the new log.
+//! 3. `base = current`, the first entry of the new log, and with it the first page of the file.
 //!
 //! Where a reader is in the way of step 2, the file may be called either, and step 1 comes again with both
 //! as its base. So the file read without its log is called what the log, read with the file, says is its
 //! base or the current one, whatever moment the process died in. A log that says neither is another file's.
 //! Nothing but this checkpoint may empty the log: `wal_autocheckpoint` is 0.
+//!
+//! Catalogs of schema 7 and before have no names, and what their successor's log changed may not show where
+//! the table with the names is. The number in the first page tells: step 3 alone sets it, when the table is in
+//! the file. A file without the table that has the number with a log has another file's log.
 
 use std::fs;
 use std::io;
@@ -20,12 +24,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use sqlx::Connection as _;
+use sqlx::sqlite::SqliteConnectOptions;
 use uuid::Uuid;
 
-use super::dialect::{self, Connection, files_of};
+use super::dialect::{self, BEGIN_WRITING, Connection, files_of};
 
 /// The log is written into the file when it is longer, bytes: SQLite's own 1000 pages of 4096.
 const LOG_BYTES: u64 = 4096 * 1000;
+/// Sets the number in the first page of the file (catalogs of schema 7 and before have 0), which writes it
+/// even where it stays the same.
+const SET_NUMBER: &str = "PRAGMA user_version = 8";
 /// How long a checkpoint waits for readers; writers wait for it.
 const WAIT_FOR_READERS: Duration = Duration::from_millis(200);
 
@@ -72,7 +80,10 @@ pub(super) async fn checkpoint(connection: &mut Connection) -> Result<bool, sqlx
     let (busy, pages, written): (i64, i64, i64) = told?;
     // One that is in the file whole may be begun anew by the next write, although it is not emptied.
     if busy == 0 || pages == written {
-        sqlx::query("UPDATE generation SET base = current").execute(connection).await?;
+        let mut tx = connection.begin_with(BEGIN_WRITING).await?;
+        sqlx::query("UPDATE generation SET base = current").execute(&mut *tx).await?;
+        sqlx::query(SET_NUMBER).execute(&mut *tx).await?;
+        tx.commit().await?;
     }
     Ok(busy == 0)
 }
@@ -88,21 +99,40 @@ pub(super) async fn has_foreign_log(file: &Path) -> Result<bool, sqlx::Error> {
     if length(file)? == 0 || length(&log)? == 0 {
         return Ok(false);
     }
-    let Ok(alone) = names(dialect::options_to_read(file).immutable(true)).await else { return Ok(false) };
-    let Ok((base, current)) = names(dialect::options_to_read(file)).await else { return Ok(false) };
-    Ok(alone.1 != current && !base.split(' ').any(|name| name == alone.1))
+    let alone = || dialect::options_to_read(file).immutable(true);
+    let with_log = || dialect::options_to_read(file);
+    let Ok(of_file) = names(alone()).await else { return Ok(false) };
+    if of_file.is_none() {
+        let (Ok(0), Ok(number)) = (number(alone()).await, number(with_log()).await) else { return Ok(false) };
+        if number != 0 {
+            return Ok(true);
+        }
+    }
+    let Ok(of_both) = names(with_log()).await else { return Ok(false) };
+    let ((_, name), (base, current)) = (of_file.unwrap_or_default(), of_both.unwrap_or_default());
+    Ok(name != current && !base.split(' ').any(|base| base == name))
 }
 
-/// `base` and `current`; empty in a catalog of an earlier version.
-async fn names(options: sqlx::sqlite::SqliteConnectOptions) -> Result<(String, String), sqlx::Error> {
+/// The number in the first page of the file.
+async fn number(options: SqliteConnectOptions) -> Result<i64, sqlx::Error> {
+    let mut connection = Connection::connect_with(&options).await?;
+    let number = sqlx::query_scalar("PRAGMA user_version").fetch_one(&mut connection).await;
+    connection.close().await?;
+    number
+}
+
+/// `base` and `current`; `None` in a catalog of an earlier version.
+async fn names(options: SqliteConnectOptions) -> Result<Option<(String, String)>, sqlx::Error> {
     let mut connection = Connection::connect_with(&options).await?;
     let known: Result<i64, _> =
         sqlx::query_scalar("SELECT COUNT(*) FROM sqlite_master WHERE name = 'generation'")
             .fetch_one(&mut connection)
             .await;
     let names = match known {
-        Ok(0) => Ok((String::new(), String::new())),
-        Ok(_) => sqlx::query_as("SELECT base, current FROM generation").fetch_one(&mut connection).await,
+        Ok(0) => Ok(None),
+        Ok(_) => {
+            sqlx::query_as("SELECT base, current FROM generation").fetch_one(&mut connection).await.map(Some)
+        }
         Err(error) => Err(error),
     };
     connection.close().await?;

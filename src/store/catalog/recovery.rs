@@ -228,6 +228,11 @@ pub(super) async fn record(connection: &mut Connection, id: ReconstructionId) ->
         .bind(&uid)
         .fetch_all(&mut *connection)
         .await?;
+    let attribute_changes =
+        sqlx::query("SELECT * FROM attribute_changes WHERE series_uid = $1 ORDER BY changed_ms")
+            .bind(&uid)
+            .fetch_all(&mut *connection)
+            .await?;
     let expected_instances =
         sqlx::query_scalar("SELECT expected_instances FROM expectations WHERE series_uid = $1")
             .bind(&uid)
@@ -236,6 +241,11 @@ pub(super) async fn record(connection: &mut Connection, id: ReconstructionId) ->
     let (reconstruction, series): (Columns, Columns) = (dump::columns(&row)?, dump::columns(&series)?);
     let choices = choices.iter().map(dump::columns).collect::<Result<_>>()?;
     let refused = refused.iter().map(dump::columns).collect::<Result<_>>()?;
-    let record = ResultRecord::new(schema::latest(), reconstruction, series, instances);
-    Ok(record.with(expected_instances, choices, refused))
+    let attribute_changes = attribute_changes.iter().map(dump::columns).collect::<Result<_>>()?;
+    let mut record = ResultRecord::new(schema::latest(), reconstruction, series, instances);
+    record.expected_instances = expected_instances;
+    record.choices = choices;
+    record.refused = refused;
+    record.attribute_changes = attribute_changes;
+    Ok(record)
 }

@@ -1,5 +1,5 @@
 //! What records beside the results tell of a series whose row was made again: how it was completed,
-//! which instances were refused, what operators chose, which corrections of its identity are under way.
+//! which instances were refused, how many came again with other attributes, what operators chose, which corrections of its identity are under way.
 
 use std::collections::BTreeSet;
 
@@ -39,6 +39,7 @@ pub(super) async fn completeness(
         .await?;
     }
     refusals(connection, uid, &record.refused).await?;
+    attribute_changes(connection, uid, &record.attribute_changes).await?;
     let Some(now) = series::one(connection, uid).await? else { return Ok(()) };
     if now.state != SeriesState::Receiving {
         return Ok(());
@@ -89,6 +90,23 @@ async fn refusals(connection: &mut Connection, uid: &SeriesInstanceUid, refused:
     .bind(uid.as_str())
     .execute(connection)
     .await?;
+    Ok(())
+}
+
+/// Results come the latest first: what that told of corrected attributes stands.
+async fn attribute_changes(
+    connection: &mut Connection,
+    uid: &SeriesInstanceUid,
+    changes: &[Columns],
+) -> Result<()> {
+    let known: i64 = sqlx::query_scalar("SELECT COUNT(*) FROM attribute_changes WHERE series_uid = $1")
+        .bind(uid.as_str())
+        .fetch_one(&mut *connection)
+        .await?;
+    let is_own = |row: &&Columns| row.get("series_uid").and_then(Value::as_str) == Some(uid.as_str());
+    for row in changes.iter().filter(|_| known == 0).filter(is_own) {
+        dump::insert(connection, "attribute_changes", row).await?;
+    }
     Ok(())
 }
 

@@ -43,6 +43,8 @@ const LOST: &[&str] = &[
     "of series that no result was made from, or that have other instances now, how they were completed: they \
      carry the doubt incomplete_transfer until a sender or a word completes them",
     "when identities were corrected before, and in what (the identities themselves are those of the files)",
+    "when other attributes were corrected that no result was stored after, and of how many instances (the \
+     attributes themselves are those of the files)",
     "of instances that version 0.1 stored, whether their files are what was received",
     "of results of version 0.1: attempts, the time of their request to the millisecond, and of earlier \
      revisions the set of instances (their revision is 0)",

@@ -35,6 +35,9 @@ pub(crate) struct ResultRecord {
     /// The instances of the series that had been refused.
     #[serde(default)]
     pub(crate) refused: Vec<Columns>,
+    /// How many instances of the series had come again with other attributes, and when.
+    #[serde(default)]
+    pub(crate) attribute_changes: Vec<Columns>,
 }
 
 /// An operator's choice, beside the results that it makes clinical or takes that from.
@@ -72,27 +75,17 @@ impl ChoiceRecord {
 }
 
 impl ResultRecord {
-    /// With what else is known of the series.
-    pub(crate) fn with(
-        self,
-        expected_instances: Option<i64>,
-        choices: Vec<Columns>,
-        refused: Vec<Columns>,
-    ) -> Self {
-        Self { expected_instances, choices, refused, ..self }
-    }
-
     pub(crate) fn new(schema: i64, reconstruction: Columns, series: Columns, instances: Vec<String>) -> Self {
-        let (expected_instances, choices, refused) = (None, Vec::new(), Vec::new());
         Self {
             format: FORMAT,
             schema,
             reconstruction,
             series,
             instances,
-            expected_instances,
-            choices,
-            refused,
+            expected_instances: None,
+            choices: Vec::new(),
+            refused: Vec::new(),
+            attribute_changes: Vec::new(),
         }
     }
 

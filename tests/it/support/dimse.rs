@@ -40,7 +40,8 @@ impl Listener {
         let (store, intake, address, serving) = runtime.block_on(async {
             let store = Store::open(&config.storage).await.unwrap();
             let wake = Arc::new(Notify::new());
-            let intake = Intake::new(store.clone(), &config, Arc::clone(&metrics), wake);
+            let intake =
+                Intake::new(store.clone(), &config, Arc::clone(&metrics), wake, config.memory.budget());
             let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
             let address = listener.local_addr().unwrap();
             let serving = tokio::spawn(triplanar::dimse::serve(

@@ -9,6 +9,7 @@ use tokio_util::sync::CancellationToken;
 use triplanar::config::Config;
 use triplanar::error::Error;
 use triplanar::intake::{Announced, Encoding, Intake, Receipt, Sender};
+use triplanar::memory::Memory;
 use triplanar::pipeline::Parameters;
 use triplanar::store::{Outcome, SeriesRecord, SeriesState, Store};
 use triplanar::telemetry::Metrics;
@@ -40,8 +41,15 @@ pub(crate) fn settings(data_dir: &Path) -> Config {
 
 impl Entrance {
     pub(crate) async fn open(config: Config) -> Self {
+        let memory = config.memory.budget();
+        Self::within(config, memory).await
+    }
+
+    /// The same with a budget that others share.
+    pub(crate) async fn within(config: Config, memory: Memory) -> Self {
         let store = Store::open(&config.storage).await.expect("the data directory opens");
-        let intake = Intake::new(store.clone(), &config, Arc::new(Metrics::new()), Arc::new(Notify::new()));
+        let (metrics, wake) = (Arc::new(Metrics::new()), Arc::new(Notify::new()));
+        let intake = Intake::new(store.clone(), &config, metrics, wake, memory);
         let timers = CancellationToken::new();
         let (running, stop) = (intake.clone(), timers.clone());
         let task = tokio::spawn(async move { running.run_timers(stop).await });

@@ -62,7 +62,7 @@ impl Server {
         let store = Store::open(&config.storage).await.expect("the data directory opens");
         let metrics = Arc::new(Metrics::new());
         let jobs = Jobs::new(store.clone(), &config, Arc::clone(&metrics)).expect("threads");
-        let intake = Intake::new(store.clone(), &config, Arc::clone(&metrics), jobs.wakeup());
+        let intake = Intake::new(store.clone(), &config, Arc::clone(&metrics), jobs.wakeup(), jobs.memory());
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let shutdown = CancellationToken::new();

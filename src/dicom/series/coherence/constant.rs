@@ -5,6 +5,7 @@ use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 
 use super::limit::usual;
 use super::{AROUND, BETWEEN, Finding, Kind, SEEN, Stack, Summary, around};
+use crate::observer::stop::Asked;
 
 /// Share of the rows that may be constant in one slice alone, beyond twice what is usual.
 const SHARE: f64 = 1.0 / 64.0;
@@ -33,8 +34,8 @@ impl Ends {
     }
 }
 
-pub(super) fn find(stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
-    let mut found = repeated(stack, summaries);
+pub(super) fn find(asked: Asked<'_>, stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
+    let mut found = repeated(asked, stack, summaries);
     for end in [0, 1] {
         for distances in AROUND {
             let beyond = |z: usize| {
@@ -78,9 +79,10 @@ fn is_noisy(slice: &[i16]) -> bool {
 
 /// Slices with the same pixels as another one. Those without noise may be: they show air alone, or were
 /// drawn.
-fn repeated(stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
+fn repeated(asked: Asked<'_>, stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
     // What is the same in slices whose pixels are.
     let hash = |summary: &Summary| {
+        asked.ask();
         let mut hasher = DefaultHasher::new();
         (&summary.jumps, &summary.blocks, &summary.tissue).hash(&mut hasher);
         hasher.finish()
@@ -90,8 +92,16 @@ fn repeated(stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
         by_hash.entry(hash(summary)).or_default().push(z);
     }
     let alike = |all: &&Vec<usize>| {
+        if all.len() < 2 {
+            return false;
+        }
+        asked.ask();
         let first = stack.slice(all[0]);
-        all.len() > 1 && is_noisy(&first) && all.iter().all(|&z| stack.slice(z) == first)
+        let is_first = |&z: &usize| {
+            asked.ask();
+            stack.slice(z) == first
+        };
+        is_noisy(&first) && all.iter().all(is_first)
     };
     let mut slices: Vec<usize> = by_hash.values().filter(alike).flatten().copied().collect();
     slices.sort_unstable();

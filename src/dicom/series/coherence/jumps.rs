@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::limit::usual;
 use super::{AROUND, Finding, Kind, MUCH, SEEN, Stack, Summary, around};
+use crate::observer::stop::Asked;
 
 /// A boundary in the patient moves by less than this many slice steps along the rows from one slice to
 /// the next: a surface within 18 degrees of the slices' plane is tissue that begins with the slice.
@@ -33,16 +34,23 @@ pub(super) fn of(slice: &[i16], columns: usize) -> Vec<u32> {
     above.zip(below).map(|(above, below)| above.iter().zip(below).map(much).sum::<u16>().into()).collect()
 }
 
-pub(super) fn find(stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
+pub(super) fn find(asked: Asked<'_>, stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
     let reach = ((SLOPE * stack.step_px[0]).ceil() as usize).max(LEAST_ROWS);
     // The highest count near each boundary, by how many slices away the boundary is looked for.
-    let near: Vec<[Vec<u32>; 3]> =
-        summaries.par_iter().map(|s| [1, 2, 3].map(|d| highest_within(&s.jumps, d * reach))).collect();
+    let highest = |summary: &Summary| {
+        [1, 2, 3].map(|d| {
+            asked.ask();
+            highest_within(&summary.jumps, d * reach)
+        })
+    };
+    let near: Vec<[Vec<u32>; 3]> = summaries.par_iter().panic_fuse().map(highest).collect();
     let mut found: Vec<Finding> = Vec::new();
     for distances in AROUND {
         let beyond: Vec<Option<Vec<u32>>> = (0..stack.count)
             .into_par_iter()
+            .panic_fuse()
             .map(|z| {
+                asked.ask();
                 let far = distances.0.max(distances.1) - 1;
                 let own = &summaries[z].jumps;
                 // What comes into view at the first or the last rows was beside the image before.

@@ -35,6 +35,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::observer::Observer;
+use crate::observer::stop::Asked;
 
 use patches::Patch;
 pub(super) use stack::Stack;
@@ -112,7 +113,8 @@ struct Summary {
 }
 
 /// Everything in the stack that does not go with its neighbours, and frames whose blocks end off their
-/// ends by so many bytes, by slice and kind. A part of it, if the observer cancels.
+/// ends by so many bytes, by slice and kind. If the observer cancels, it unwinds
+/// ([`crate::observer::stop`]) or is a part of it.
 pub(super) fn findings(
     stack: &Stack<'_>,
     off_their_ends: &[(usize, u32)],
@@ -165,11 +167,15 @@ fn between_neighbours(stack: &Stack<'_>, observer: &dyn Observer) -> Vec<Finding
         .collect();
     let Some(compared) = compared else { return Vec::new() };
     let (patches, shifts): (Vec<Patch>, Vec<_>) = compared.into_iter().flatten().unzip();
-    let mut found = place::find(stack, summaries);
-    found.extend(jumps::find(stack, summaries));
+    let asked = Asked::of(observer);
+    let mut found = place::find(asked, stack, summaries);
+    asked.ask();
+    found.extend(jumps::find(asked, stack, summaries));
+    asked.ask();
     found.extend(patches::find(stack, summaries, &patches));
     found.extend(levels::find(stack, &shifts));
-    found.extend(constant::find(stack, summaries));
+    asked.ask();
+    found.extend(constant::find(asked, stack, summaries));
     for finding in &mut found {
         finding.rows = stack.image_rows(&finding.rows);
         finding.slice += first;

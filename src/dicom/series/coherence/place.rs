@@ -6,6 +6,7 @@
 use std::ops::Range;
 
 use super::{AROUND, BETWEEN, Finding, Kind, Stack, Summary, around};
+use crate::observer::stop::Asked;
 
 /// Most of the ordinary change between neighbours that may be undone in the next slice: 0.3 at most, of a
 /// face that was blanked, 0.43 of a skull in steps of 10 mm; two slices side by side that are exchanged
@@ -79,10 +80,13 @@ impl Differences {
     }
 }
 
-pub(super) fn find(stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
+pub(super) fn find(asked: Asked<'_>, stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
     let count = stack.count;
     let apart = |d: usize| {
-        let pair = |z: usize| differ(&summaries[z].tissue, &summaries[z + d].tissue);
+        let pair = |z: usize| {
+            asked.ask();
+            differ(&summaries[z].tissue, &summaries[z + d].tissue)
+        };
         (0..count.saturating_sub(d)).map(pair).collect::<Vec<f64>>()
     };
     let apart = [apart(1), apart(2), apart(3), apart(4)];
@@ -96,6 +100,7 @@ pub(super) fn find(stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {
     };
     let mut found = Vec::new();
     for z in 0..count {
+        asked.ask_at(z);
         let ordinary = differences.ordinary(z);
         let inner = AROUND.into_iter().filter_map(|distances| {
             let (a, b) = around(z, distances, count)?;

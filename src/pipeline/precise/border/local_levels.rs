@@ -61,7 +61,7 @@ impl LocalLevels {
         levels: &Levels,
         most_air: f32,
     ) -> Self {
-        let regions = groups(self.cubes.sorted());
+        let regions = groups(asked, self.cubes.sorted());
         let lowest = if levels.clipped.is_some() { 0.0 } else { LEAST_AIR };
         let of_region = |members: &&[(u64, u32)]| {
             asked.ask();

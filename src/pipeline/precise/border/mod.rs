@@ -69,7 +69,7 @@ impl Border {
         let local = rough.again(asked, &candidates, levels, most_air(&edge_spread));
         sampler.ask();
         let (mut seen, unclear) = crossings::measure(scan, &edge_spread, &local, &candidates);
-        drop(candidates);
+        asked.free(candidates);
         rejected.extend(unclear);
         sampler.ask();
         let between = BetweenSlices::of(sampler, &seen);

@@ -40,12 +40,16 @@ impl Clouds {
         };
         let thinned: Vec<Vec<Leaf>> = MERGED_AND_PLANES.par_iter().panic_fuse().map(thinned).collect();
         // Most crossings that stand for a leaf do so in several clouds.
-        let mut chosen: Vec<u32> = thinned.iter().flatten().map(|leaf| leaf.crossing).collect();
+        let of_all = thinned.iter().flatten().enumerate().inspect(|(number, _)| sampler.ask_at(*number));
+        let mut chosen: Vec<u32> = of_all.map(|(_, leaf)| leaf.crossing).collect();
         chosen.par_sort_unstable_by(|a, b| {
             sampler.ask_at(*a as usize);
             a.cmp(b)
         });
-        chosen.dedup();
+        chosen.dedup_by(|a, b| {
+            sampler.ask_at(*a as usize);
+            a == b
+        });
         sampler.ask();
         let neighbourhood = Neighbourhood::of(sampler.asked(), all);
         let confidence = Confidence::of(sampler, edge_spread);
@@ -62,27 +66,44 @@ impl Clouds {
         let state = |leaf: &Leaf| &stated[chosen.partition_point(|&i| i < leaf.crossing)];
         let cloud = |(leaves, plane): (&Vec<Leaf>, &Option<Plane>)| -> Vec<SkinPoint> {
             sampler.ask();
-            let places: Vec<Vec3> = leaves.iter().map(|l| all[l.crossing as usize].place).collect();
+            let place = |(number, leaf): (usize, &Leaf)| {
+                sampler.ask_at(number);
+                all[leaf.crossing as usize].place
+            };
+            let places: Vec<Vec3> = leaves.iter().enumerate().map(place).collect();
             let point = |i: &u32| {
+                sampler.ask_at(*i as usize);
                 let leaf = &leaves[*i as usize];
                 let planes = plane.map_or(leaf.planes, PlaneSet::from);
                 let (agreement, error) = state(leaf);
                 SkinPoint::of(&all[leaf.crossing as usize], agreement.normal, *error, planes)
             };
-            order::by_detail(sampler.asked(), &places, leaf).par_iter().map(point).collect()
+            let order = order::by_detail(sampler.asked(), &places, leaf);
+            sampler.asked().free(places);
+            order.par_iter().panic_fuse().map(point).collect()
         };
         let clouds: Vec<Vec<SkinPoint>> =
             thinned.par_iter().zip(&MERGED_AND_PLANES).panic_fuse().map(cloud).collect();
         let mut clouds = clouds.into_iter();
         let mut next = || clouds.next().unwrap_or_default();
-        let agreement = |leaf: &Leaf| (all[leaf.crossing as usize].place, state(leaf).0);
-        let in_planes = |c: &Crossing| Plane::ALL.map(|plane| u64::from(c.planes.contains(plane)));
+        let agreement = |leaf: &Leaf| {
+            sampler.ask_at(leaf.crossing as usize);
+            (all[leaf.crossing as usize].place, state(leaf).0)
+        };
+        let in_planes = |(number, c): (usize, &Crossing)| {
+            sampler.ask_at(number);
+            Plane::ALL.map(|plane| u64::from(c.planes.contains(plane)))
+        };
         let sum = |a: [u64; 3], b: [u64; 3]| std::array::from_fn(|i| a[i] + b[i]);
-        Self {
+        let made = Self {
             points: next(),
             uniplanar: Plane::ALL.map(|_| next()),
-            measured: all.par_iter().map(in_planes).reduce(|| [0; 3], sum),
-            agreements: thinned[0].par_iter().map(agreement).collect(),
-        }
+            measured: all.par_iter().enumerate().panic_fuse().map(in_planes).reduce(|| [0; 3], sum),
+            agreements: thinned[0].par_iter().panic_fuse().map(agreement).collect(),
+        };
+        sampler.asked().free(stated);
+        neighbourhood.free(sampler.asked());
+        rivals.free();
+        made
     }
 }

@@ -40,14 +40,19 @@ impl<'a> Rivals<'a> {
         Self { asked, crossings, by_cube: sorted(asked, crossings.par_iter().enumerate().map(keyed)) }
     }
 
+    /// Drops it, asking.
+    pub(crate) fn free(self) {
+        self.asked.free(self.by_cube);
+    }
+
     /// For every leaf with a crossing for which `member` holds the one nearest to the middle of its
     /// points, seen along the skin. A centroid would lie inside a curved skin; this lies on it. Leaves
     /// are cubes of edge `leaf` mm of a grid through the patient's origin.
     pub(crate) fn thin(&self, leaf: f64, member: impl Fn(&Crossing) -> bool + Sync) -> Vec<Leaf> {
-        let cubes = groups(&self.by_cube).into_par_iter().panic_fuse();
+        let cubes = groups(self.asked, &self.by_cube).into_par_iter().panic_fuse();
         let clear = cubes.flat_map_iter(|cube| self.clear(cube, &member));
         let by_leaf = sorted(self.asked, clear.map(|i| (key(self.crossings[i as usize].place, leaf), i)));
-        let leaves = groups(&by_leaf).into_par_iter().panic_fuse();
+        let leaves = groups(self.asked, &by_leaf).into_par_iter().panic_fuse();
         leaves.map(|leaf| self.representative(leaf)).collect()
     }
 

@@ -18,19 +18,24 @@ const CHOICE: usize = 4;
 /// and within a level neighbours are spread over the whole cloud.
 pub(crate) fn by_detail(asked: Asked<'_>, points: &[Vec3], leaf: f64) -> Vec<u32> {
     // Along a Morton curve the points of a cell of any level follow each other.
-    let mut curve: Vec<(u64, u32)> =
-        points.par_iter().enumerate().map(|(i, p)| (morton(*p, leaf), i as u32)).collect();
+    let placed = |(i, p): (usize, &Vec3)| {
+        asked.ask_at(i);
+        (morton(*p, leaf), i as u32)
+    };
+    let mut curve: Vec<(u64, u32)> = points.par_iter().enumerate().panic_fuse().map(placed).collect();
     // As in `cubes`, the sorts ask at those whose turn it is by their number.
     curve.par_sort_unstable_by(|a, b| {
         asked.ask_at(a.1 as usize);
         a.cmp(b)
     });
     let mut level = vec![COARSEST + 1; points.len()];
-    for pair in curve.windows(2) {
+    for (number, pair) in curve.windows(2).enumerate() {
+        asked.ask_at(number);
         // The coarsest level on which a point begins a cell of its own.
         let differing = 64 - (pair[0].0 ^ pair[1].0).leading_zeros();
         level[pair[1].1 as usize] = differing.div_ceil(3).min(COARSEST + 1);
     }
+    asked.free(curve);
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
     let by_level = |&i: &u32| {
         asked.ask_at(i as usize);

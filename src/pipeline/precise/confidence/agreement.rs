@@ -57,12 +57,19 @@ impl<'a> Neighbourhood<'a> {
     pub(crate) fn of(asked: Asked<'_>, crossings: &'a [Crossing]) -> Self {
         let cubes = Cubes::of(asked, crossings.par_iter().map(|c| c.place), REACH_MM);
         let member = |(_, i): &(u64, u32)| {
+            asked.ask_at(*i as usize);
             let c = &crossings[*i as usize];
             let ([x, y, z], [nx, ny, nz]) = (c.place, c.normal);
             [x, y, z, nx, ny, nz].map(|v| v as f32)
         };
-        let members = cubes.sorted().par_iter().map(member).collect();
+        let members = cubes.sorted().par_iter().panic_fuse().map(member).collect();
         Self { crossings, around: cubes.around(asked), cubes, members }
+    }
+
+    /// Drops it, asking.
+    pub(crate) fn free(self, asked: Asked<'_>) {
+        asked.free(self.members);
+        self.cubes.free(asked);
     }
 
     /// The neighbours of a crossing that face the same way, as steps from it, mm; and the sum of their

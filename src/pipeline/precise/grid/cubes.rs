@@ -24,7 +24,7 @@ pub(crate) fn key(p: Vec3, edge: f64) -> u64 {
 
 /// Sorts the numbers of places by the keys of their cubes, and by number.
 pub(crate) fn sorted(asked: Asked<'_>, keyed: impl ParallelIterator<Item = (u64, u32)>) -> Vec<(u64, u32)> {
-    let mut keyed: Vec<(u64, u32)> = keyed.collect();
+    let mut keyed: Vec<(u64, u32)> = keyed.inspect(|one| asked.ask_at(one.1 as usize)).panic_fuse().collect();
     // Each is compared again and again all through the sort.
     keyed.par_sort_unstable_by(|a, b| {
         asked.ask_at(a.1 as usize);
@@ -34,8 +34,12 @@ pub(crate) fn sorted(asked: Asked<'_>, keyed: impl ParallelIterator<Item = (u64,
 }
 
 /// The members of each cube, of those that are sorted.
-pub(crate) fn groups(sorted: &[(u64, u32)]) -> Vec<&[(u64, u32)]> {
-    sorted.chunk_by(|a, b| a.0 == b.0).collect()
+pub(crate) fn groups<'a>(asked: Asked<'_>, sorted: &'a [(u64, u32)]) -> Vec<&'a [(u64, u32)]> {
+    let cubes = sorted.chunk_by(|a, b| {
+        asked.ask_at(a.1 as usize);
+        a.0 == b.0
+    });
+    cubes.collect()
 }
 
 /// Places, cube by cube.
@@ -51,11 +55,17 @@ impl Cubes {
     pub(crate) fn of(asked: Asked<'_>, places: impl IndexedParallelIterator<Item = Vec3>, edge: f64) -> Self {
         let sorted = sorted(asked, places.enumerate().map(|(i, place)| (key(place, edge), i as u32)));
         let mut of = vec![0; sorted.len()];
-        for (cube, members) in groups(&sorted).into_iter().enumerate() {
+        for (cube, members) in groups(asked, &sorted).into_iter().enumerate() {
             asked.ask_at(cube);
             members.iter().for_each(|m| of[m.1 as usize] = cube as u32);
         }
         Self { sorted, of }
+    }
+
+    /// Drops them, asking.
+    pub(crate) fn free(self, asked: Asked<'_>) {
+        asked.free(self.sorted);
+        asked.free(self.of);
     }
 
     /// The number of the cube that holds a place, by the place's number.
@@ -72,7 +82,7 @@ impl Cubes {
     /// For every cube where in [`Self::sorted`] the places of the 27 cubes around it are: nine rows
     /// of three along x.
     pub(crate) fn around(&self, asked: Asked<'_>) -> Vec<[Range<usize>; 9]> {
-        let groups = groups(&self.sorted);
+        let groups = groups(asked, &self.sorted);
         let rows = |(number, group): (usize, &&[(u64, u32)])| {
             asked.ask_at(number);
             rows_around(group[0].0).map(|[first, last]| {

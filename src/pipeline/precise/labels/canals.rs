@@ -50,10 +50,11 @@ struct Judged {
 pub(crate) fn close_canals(asked: Asked<'_>, cells: &Cells, air: &mut [Air]) {
     let thirds = |mm: f64| (mm / cells.edge * 3.0).round() as u32;
     let (fold, canal) = (thirds(FOLD_MM), thirds(CANAL_MM));
-    let from = next_to_narrow(cells, air);
+    let from = next_to_narrow(asked, cells, air);
     let narrow = walk(asked, cells, &from, canal + 5, |i| air[i] == Air::Enclosed);
     let deep: Vec<usize> = narrow.iter().filter(|&&(_, d)| d > canal).map(|&(i, _)| i).collect();
-    let depth: HashMap<usize, u32> = narrow.into_iter().collect();
+    let asking = narrow.into_iter().enumerate().inspect(|(number, _)| asked.ask_at(*number));
+    let depth: HashMap<usize, u32> = asking.map(|(_, one)| one).collect();
     let back =
         walk(asked, cells, &deep, canal + thirds(RIM_MM), |i| air[i] == Air::Open || depth.contains_key(&i));
     let lines = directions();
@@ -69,13 +70,15 @@ pub(crate) fn close_canals(asked: Asked<'_>, cells: &Cells, air: &mut [Air]) {
             Judged { cell, within: free < within, at_rim: free < at_rim }
         })
         .collect();
-    for (i, d) in depth {
+    for (number, (i, d)) in depth.into_iter().enumerate() {
+        asked.ask_at(number);
         air[i] = if d > fold { Air::Canal } else { Air::Open };
     }
     for canal in judged.iter().filter(|j| j.within) {
         air[canal.cell] = Air::Canal;
     }
     let next_to_canal = |i: usize| {
+        asked.ask();
         let closed = cells.around(i).filter(|&(j, _)| air[j] == Air::Canal);
         closed.count() >= RIM_NEIGHBOURS
     };
@@ -120,11 +123,17 @@ fn free_share(cells: &Cells, air: &[Air], lines: &[Vec3], cell: usize) -> f64 {
 
 /// The open cells that share a face with narrow ones: past an edge or a corner a thin wall would let
 /// through.
-fn next_to_narrow(cells: &Cells, air: &[Air]) -> Vec<usize> {
-    let narrow = (0..cells.len()).into_par_iter().filter(|&i| air[i] == Air::Enclosed);
+fn next_to_narrow(asked: Asked<'_>, cells: &Cells, air: &[Air]) -> Vec<usize> {
+    let narrow = (0..cells.len()).into_par_iter().panic_fuse().filter(|&i| {
+        asked.ask_at(i);
+        air[i] == Air::Enclosed
+    });
     let beside = |i| cells.around(i).filter(|&(j, steps)| steps == 1 && air[j] == Air::Open).map(|(j, _)| j);
     let mut next: Vec<usize> = narrow.flat_map_iter(beside).collect();
-    next.par_sort_unstable();
+    next.par_sort_unstable_by(|a, b| {
+        asked.ask_at(*a);
+        a.cmp(b)
+    });
     next.dedup();
     next
 }

@@ -82,8 +82,11 @@ impl Open {
                 }
             });
         }
-        for i in (0..laid_open.len()).filter(|&i| laid_open[i] && labels[i] != Label::Patient) {
-            open[i] = Air::Shut;
+        for i in 0..laid_open.len() {
+            asked.ask_at(i);
+            if laid_open[i] && labels[i] != Label::Patient {
+                open[i] = Air::Shut;
+            }
         }
         Self { cells, open }
     }
@@ -112,6 +115,7 @@ fn flood(asked: Asked<'_>, cells: &Cells, solid: impl Fn(usize) -> bool + Sync) 
     }
     let swept = within(asked, cells.shape, cells.squared(BALL_MM + 0.5 * cells.edge), |i| ball[i]);
     let state = |i: usize| {
+        asked.ask_at(i);
         if solid(i) {
             Air::Solid
         } else if !swept[i] {
@@ -120,7 +124,7 @@ fn flood(asked: Asked<'_>, cells: &Cells, solid: impl Fn(usize) -> bool + Sync) 
             Air::Open
         }
     };
-    (0..cells.len()).into_par_iter().map(state).collect()
+    (0..cells.len()).into_par_iter().panic_fuse().map(state).collect()
 }
 
 impl Outside {

@@ -3,6 +3,7 @@
 use super::quality::{Missing, Quality, SideQuality, Verdict};
 use super::sides::Side;
 use crate::geometry::{Vec3, dot, norm};
+use crate::observer::stop::Asked;
 use crate::pipeline::precise::border::crossing::Crossing;
 use crate::pipeline::precise::border::rejected::Rejected;
 use crate::pipeline::precise::confidence::agreement::Agreement;
@@ -104,16 +105,22 @@ pub(crate) struct Measured<'a> {
 pub(crate) fn quality(scan: &Scan<'_>, head: &Head, measured: &Measured<'_>) -> Quality {
     let Scan { sampler, levels, .. } = scan;
     let Measured { edge_spread, areas, motion_mm, points } = *measured;
-    sampler.ask();
-    let all: Vec<f64> = offsets(points.iter().map(|p| &p.1));
-    let (mean, p95) = spread(all).unwrap_or((0.0, 0.0));
+    let asked = sampler.asked();
+    let (mut all, mut of_sides): (Vec<f64>, [Vec<f64>; 6]) = (Vec::new(), Default::default());
+    for (number, (place, agreement)) in points.iter().enumerate() {
+        asked.ask_at(number);
+        if agreement.is_known() {
+            let offset = agreement.offset.abs();
+            all.push(offset);
+            of_sides[Side::of(*place, head.middle) as usize].push(offset);
+        }
+    }
+    let (mean, p95) = spread(asked, all).unwrap_or((0.0, 0.0));
     let share = |accepted: f64, missing: f64| accepted / (accepted + missing);
     let missing_of = |side: usize| areas.missing[side].iter().sum::<f64>();
     let sides = Side::ALL.map(|side| {
-        sampler.ask();
         let i = side as usize;
-        let of_side = points.iter().filter(|p| Side::of(p.0, head.middle) == side).map(|p| &p.1);
-        let spread = spread(offsets(of_side));
+        let spread = spread(asked, std::mem::take(&mut of_sides[i]));
         let in_view = areas.accepted[i] + missing_of(i);
         SideQuality {
             side,
@@ -168,17 +175,23 @@ fn share_of_skin(sampler: &Sampler, axis: u8, normal: Vec3) -> f64 {
     face / own
 }
 
-fn offsets<'a>(agreements: impl Iterator<Item = &'a Agreement>) -> Vec<f64> {
-    agreements.filter(|a| a.is_known()).map(|a| a.offset.abs()).collect()
-}
-
 /// Mean and 95th percentile.
-fn spread(mut offsets: Vec<f64>) -> Option<(f64, f64)> {
+fn spread(asked: Asked<'_>, mut offsets: Vec<f64>) -> Option<(f64, f64)> {
     if offsets.is_empty() {
         return None;
     }
-    let mean = offsets.iter().sum::<f64>() / offsets.len() as f64;
+    let mut steps = 0;
+    let mut ask = || {
+        steps += 1;
+        asked.ask_at(steps);
+    };
+    let mean = offsets.iter().inspect(|_| ask()).sum::<f64>() / offsets.len() as f64;
     let rank = offsets.len() * 95 / 100;
-    let (_, p95, _) = offsets.select_nth_unstable_by(rank, f64::total_cmp);
-    Some((mean, *p95))
+    let compared = |a: &f64, b: &f64| {
+        ask();
+        a.total_cmp(b)
+    };
+    let p95 = *offsets.select_nth_unstable_by(rank, compared).1;
+    asked.free(offsets);
+    Some((mean, p95))
 }

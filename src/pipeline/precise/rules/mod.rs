@@ -22,6 +22,7 @@ use super::scan::Scan;
 use super::scan::edge_spread::EdgeSpread;
 use crate::geometry::Vec3;
 use crate::observer::Stage;
+use crate::observer::stop::Asked;
 use covered::Covered;
 
 /// The rules of the first look, in the order in which they are asked.
@@ -75,6 +76,13 @@ impl Verdicts {
         }
         scan.tell(Stage::Crossings, 1.0);
         Self { patient, head, accepted, with_between, rejected, edge_spread }
+    }
+
+    /// Drops it, asking.
+    pub(crate) fn free(self, asked: Asked<'_>) {
+        asked.free(self.accepted);
+        asked.free(self.with_between.unwrap_or_default());
+        asked.free(self.rejected);
     }
 
     /// All skin, that between thick slices too.

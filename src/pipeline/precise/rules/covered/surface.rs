@@ -81,7 +81,7 @@ impl<'a> Surface<'a> {
     pub(crate) fn of(asked: Asked<'a>, crossings: &[Crossing], leaf: f64) -> Self {
         let keyed = |(i, c): (usize, &Crossing)| (key(c.place, leaf), i as u32);
         let by_leaf = sorted(asked, crossings.par_iter().enumerate().map(keyed));
-        let groups = groups(&by_leaf);
+        let groups = groups(asked, &by_leaf);
         let (places, normals): (Vec<Vec3>, Vec<Vec3>) =
             groups.par_iter().panic_fuse().map(|group| mean(asked, crossings, group)).unzip();
         let leaves = groups.iter().map(|group| group[0].0).collect();
