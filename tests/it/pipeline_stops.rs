@@ -181,6 +181,20 @@ fn a_large_slice_is_put_into_the_volume_with_asks() {
 }
 
 #[test]
+fn the_points_of_precise_become_a_cloud_with_asks() {
+    let volume = head();
+    let watch = Stop::default();
+    let parameters = Parameters { leaf_mm: 0.5, ..Parameters::precise() };
+    let made = on_threads(|| reconstruct(&volume, &parameters, &watch)).expect("a head");
+    let told = watch.told.lock().unwrap().clone();
+    let before = told.iter().find(|told| (told.0, told.1) == (Stage::Downsampling, 1.0)).expect("told").2;
+    let points: usize = made.uniplanar.iter().chain([&made.triplanar]).map(|cloud| cloud.len()).sum();
+    // Four lists of each point are filled, beside some 1 750 asks for the rows and the unique points.
+    let asks = watch.asks() - before;
+    assert!(asks >= 1_200 + 4 * points / 512, "{asks} asks for {points} points");
+}
+
+#[test]
 fn what_would_take_too_many_tests_is_refused_before_the_first() {
     // They all lie within the radius of each other, and each must be held against 100 001 others.
     let points = vec![[1.0; 3]; 2_500_000];
