@@ -129,7 +129,6 @@ fn the_same_voxels_in_sagittal_images_give_the_same_skin() {
     }
 }
 
-/// Where slices lie 4 mm apart the vertex shows in one of them alone.
 /// Slices that hold one value were added above and below; the scan cuts the neck.
 #[test]
 fn empty_slices_at_the_ends_change_nothing() {
@@ -161,6 +160,7 @@ fn empty_slices_at_the_ends_change_nothing() {
     }
 }
 
+/// Where slices lie 4 mm apart the vertex shows in one of them alone.
 #[test]
 fn what_no_two_slices_show_is_rejected_with_its_reason() {
     let (_, skin) = run(Options { slices: 46, slice_mm: 4.0, ..options() }, 1.0);
