@@ -166,10 +166,7 @@ impl Store {
         let (catalog, blobs) = (&self.0.catalog, Arc::clone(&self.0.blobs));
         let recovery = Recovery { catalog, blobs, aside: self.0.aside.clone() };
         let recovered = recovery.run().await?;
-        self.0
-            .counts
-            .entered
-            .fetch_add(recovered.instances + recovered.repaired + recovered.results, Ordering::Relaxed);
+        self.0.counts.entered.fetch_add(recovered.rows(), Ordering::Relaxed);
         for blob in &recovered.set_aside {
             tracing::warn!(path = blob.path, reason = blob.reason, "a blob without a row was set aside");
         }
@@ -177,6 +174,7 @@ impl Store {
             tracing::warn!(
                 instances = recovered.instances,
                 repaired = recovered.repaired,
+                corrected = recovered.corrected,
                 results = recovered.results,
                 set_aside = recovered.set_aside.len(),
                 "files without a row in the catalog: an interrupted process left them, or the catalog is older \

@@ -69,6 +69,7 @@ mod published_program_clouds;
 mod published_program_fixture;
 mod published_program_points;
 mod published_program_slices;
+mod store_backup;
 mod store_check;
 mod store_data_dir;
 mod store_data_dir_of_0_1;

@@ -9,6 +9,7 @@
 use super::completion::Policy;
 use super::dialect::Connection;
 use super::instances::{NewInstance, signed};
+use super::removed::{self, Removed};
 use super::transfers::{self, OpenSender};
 use super::{Catalog, now_ms, queue, rows, senders};
 use crate::dicom::identity::IdentityField;
@@ -47,20 +48,7 @@ impl Catalog {
             .bind(uid.as_str())
             .execute(&mut *tx)
             .await?;
-        sqlx::query("UPDATE series SET bytes = bytes - $2 + $3, updated_ms = $4 WHERE series_uid = $1")
-            .bind(uid.as_str())
-            .bind(signed(stored.size))
-            .bind(signed(new.size))
-            .bind(now)
-            .execute(&mut *tx)
-            .await?;
-        sqlx::query(DESCRIBE).bind(uid.as_str()).execute(&mut *tx).await?;
-        if fields.is_empty() {
-            note_attributes(&mut tx, uid, now, policy).await?;
-        } else {
-            begin_change(&mut tx, uid, fields).await?;
-        }
-        let settled = confirm(&mut tx, uid, &new.header.sop_instance_uid, now).await?;
+        let settled = tell(&mut tx, stored, fields, new, now, policy.quiet_ms).await?;
         senders::heard(&mut tx, uid, sender, &self.process, policy).await?;
         transfers::brought(&mut tx, uid, &new.header.sop_instance_uid, sender.id, false).await?;
         tx.commit().await?;
@@ -162,6 +150,51 @@ const DESCRIBE: &str = "UPDATE series SET description = (SELECT MIN(description)
                         WHERE i.series_uid = $1) WHERE series_uid = $1 AND 1 = (SELECT COUNT(DISTINCT \
                         COALESCE(description, '')) FROM instances i WHERE i.series_uid = $1)";
 
+/// The series learns of the data set that took the place of `stored`.
+async fn tell(
+    connection: &mut Connection,
+    stored: &InstanceRecord,
+    fields: &[IdentityField],
+    new: &NewInstance,
+    now: i64,
+    quiet_ms: i64,
+) -> Result<Settled> {
+    let uid = &new.header.series_instance_uid;
+    sqlx::query(
+        "UPDATE series SET bytes = bytes - $2 + $3, \
+         updated_ms = CASE WHEN updated_ms < $4 THEN $4 ELSE updated_ms END WHERE series_uid = $1",
+    )
+    .bind(uid.as_str())
+    .bind(signed(stored.size))
+    .bind(signed(new.size))
+    .bind(now)
+    .execute(&mut *connection)
+    .await?;
+    sqlx::query(DESCRIBE).bind(uid.as_str()).execute(&mut *connection).await?;
+    if fields.is_empty() {
+        note_attributes(connection, uid, now, quiet_ms).await?;
+    } else {
+        begin_change(connection, uid, fields).await?;
+    }
+    confirm(connection, uid, &new.header.sop_instance_uid, now).await
+}
+
+/// A correction that the catalog does not know and whose file was found, written at `modified_ms`: the row
+/// takes it. Files come the latest first: those of one start are one correction of attributes.
+pub(super) async fn enter_found(
+    connection: &mut Connection,
+    stored: &InstanceRecord,
+    new: &NewInstance,
+    modified_ms: i64,
+) -> Result<()> {
+    replace(connection, stored, new).await?;
+    let former = Removed { blobs: vec![stored.blob.clone()], results: Vec::new() };
+    removed::note(connection, &former).await?;
+    let fields = stored.header.identity.changed(&new.header.identity);
+    tell(connection, stored, &fields, new, modified_ms, 0).await?;
+    Ok(())
+}
+
 /// These parts of the identity of an instance have changed: the series' identity is changing.
 async fn begin_change(
     connection: &mut Connection,
@@ -189,16 +222,17 @@ async fn note_attributes(
     connection: &mut Connection,
     uid: &SeriesInstanceUid,
     now: i64,
-    policy: &Policy,
+    quiet_ms: i64,
 ) -> Result<()> {
     let same = sqlx::query(
-        "UPDATE attribute_changes SET instances = instances + 1, changed_ms = $2 WHERE series_uid = $1 \
+        "UPDATE attribute_changes SET instances = instances + 1, \
+         changed_ms = CASE WHEN changed_ms < $2 THEN $2 ELSE changed_ms END WHERE series_uid = $1 \
          AND changed_ms = (SELECT MAX(changed_ms) FROM attribute_changes l WHERE l.series_uid = $1) \
          AND changed_ms >= $3",
     )
     .bind(uid.as_str())
     .bind(now)
-    .bind(now - policy.quiet_ms)
+    .bind(now - quiet_ms)
     .execute(&mut *connection)
     .await?;
     if same.rows_affected() == 0 {

@@ -5,10 +5,10 @@ use sqlx::Row as _;
 use super::dialect::Connection;
 use super::dump::{self, Columns};
 use super::instances::{NewInstance, find, insert, set_sha256, upsert_series};
-use super::{Catalog, generation, restoring, rows, schema, series, transfers};
+use super::{Catalog, corrections, generation, restoring, rows, schema, series, transfers};
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::Result;
-use crate::store::records::ReconstructionId;
+use crate::store::records::{InstanceRecord, ReconstructionId};
 use crate::store::recovery::ResultRecord;
 
 /// What became of a blob without a row.
@@ -19,28 +19,28 @@ pub(crate) enum Found {
     /// The row of its instance named a blob that is gone; it names this one now, with the same
     /// data set.
     Repaired,
+    /// The row of its instance told of an earlier data set of the same image; it tells of this one now.
+    Corrected,
     /// It can't have one: why.
     Refused(&'static str),
 }
 
 impl Catalog {
     /// Enters an instance whose blob has no row. Its series is receiving then, due when the service
-    /// next starts its timers, and in doubt: nobody said that it is whole. `is_there` tells whether a
-    /// blob exists.
+    /// next starts its timers, and in doubt: nobody said that it is whole. `written_ms` tells when a
+    /// blob was written; `None`: it is gone.
     pub(crate) async fn enter_found(
         &self,
         new: &NewInstance,
         modified_ms: i64,
-        is_there: impl Fn(&str) -> bool,
+        written_ms: impl Fn(&str) -> Option<i64>,
     ) -> Result<Found> {
         let mut tx = self.begin().await?;
         if let Some(row) = find(&mut tx, &new.header.sop_instance_uid).await? {
-            if row.data_set_sha256 != new.data_set_sha256 || is_there(&row.blob) {
-                return Ok(Found::Refused("another copy of an instance that is stored"));
-            }
-            point_to(&mut tx, new).await?;
+            let former_ms = written_ms(&row.blob);
+            let found = found_again(&mut tx, &row, former_ms, new, modified_ms).await?;
             tx.commit().await?;
-            return Ok(Found::Repaired);
+            return Ok(found);
         }
         let uid = &new.header.series_instance_uid;
         let before = series::one(&mut tx, uid).await?;
@@ -157,6 +157,38 @@ impl Catalog {
         generation::checkpoint(&mut *self.writer.acquire().await?).await?;
         Ok(())
     }
+}
+
+/// What becomes of a blob whose instance has a row that names another one, written at `former_ms` unless it is
+/// gone. A correction removes the former blob and says of which image it is: one that a catalog from a backup
+/// does not know is found by that, and is not lost for it.
+async fn found_again(
+    connection: &mut Connection,
+    row: &InstanceRecord,
+    former_ms: Option<i64>,
+    new: &NewInstance,
+    modified_ms: i64,
+) -> Result<Found> {
+    if former_ms.is_none() && row.data_set_sha256 == new.data_set_sha256 {
+        point_to(connection, new).await?;
+        return Ok(Found::Repaired);
+    }
+    let (there, here) = (&row.header, &new.header);
+    let is_of_the_image = row.data_set_sha256 != new.data_set_sha256
+        && row.image_sha256 == new.image_sha256.unwrap_or(new.data_set_sha256)
+        && there.series_instance_uid == here.series_instance_uid
+        && there.study_instance_uid == here.study_instance_uid;
+    if is_of_the_image && former_ms.is_none_or(|former_ms| former_ms < modified_ms) {
+        corrections::enter_found(connection, row, new, modified_ms).await?;
+        return Ok(Found::Corrected);
+    }
+    if former_ms.is_some() {
+        return Ok(Found::Refused("another copy of an instance that is stored"));
+    }
+    transfers::doubt(connection, &there.series_instance_uid).await?;
+    Ok(Found::Refused(
+        "another image than that of the instance's row, whose own file is missing: remove the series and send it again",
+    ))
 }
 
 async fn point_to(connection: &mut Connection, new: &NewInstance) -> Result<()> {

@@ -6,6 +6,7 @@
 //! | noted as removed | it is removed |
 //! | an instance that is not stored | entered: it is what was sent, and its sender may count on it |
 //! | an instance whose row names a blob that is gone, with the same data set | the row names it |
+//! | a later data set of the image that its row tells of: a correction that came after a backup of the catalog | the row takes it |
 //! | a result whose reconstruction is unknown | entered from its record, or, of 0.1, as far as its report tells |
 //! | an instance whose file is not as its header says that it was received | set aside |
 //! | anything else | set aside under `set-aside/`, for so many days and bytes |
@@ -55,6 +56,9 @@ pub struct Recovered {
     pub unsealed_instances: u64,
     /// Instances whose row named a blob that was gone.
     pub repaired: u64,
+    /// Instances whose row told of an earlier data set of the same image: corrected identities, and other
+    /// corrected attributes.
+    pub corrected: u64,
     /// Results that have their row again.
     pub results: u64,
     /// Results of which only the report told: what it does not tell is lost.
@@ -66,6 +70,13 @@ pub struct Recovered {
     pub unread_choices: Vec<String>,
     /// The others.
     pub set_aside: Vec<SetAside>,
+}
+
+impl Recovered {
+    /// How many rows name another blob now than before, or are new.
+    pub(super) fn rows(&self) -> u64 {
+        self.instances + self.repaired + self.corrected + self.results
+    }
 }
 
 /// Where blobs without a row are looked for, and what they get.
@@ -81,7 +92,6 @@ impl Recovery<'_> {
         let (instances, results) = self.catalog.named_blobs().await?;
         let blobs = Arc::clone(&self.blobs);
         let keys = blocking(move || Ok(blobs.keys()?)).await?;
-        let all: Arc<HashSet<String>> = Arc::new(keys.iter().cloned().collect());
         let (instances, results): (HashSet<_>, HashSet<_>) =
             (instances.into_iter().collect(), results.into_iter().collect());
         let mut found_instances = Vec::new();
@@ -98,7 +108,7 @@ impl Recovery<'_> {
             }
         }
         let mut recovered = Recovered::default();
-        self.instances(found_instances, &all, &mut recovered).await?;
+        self.instances(found_instances, &mut recovered).await?;
         if recovered.instances > 0 {
             self.catalog.restore_identity_changes().await?;
         }
@@ -107,12 +117,7 @@ impl Recovery<'_> {
     }
 
     /// The latest first: what they say of the patient becomes what the series says.
-    async fn instances(
-        &self,
-        keys: Vec<String>,
-        all: &Arc<HashSet<String>>,
-        recovered: &mut Recovered,
-    ) -> Result<()> {
+    async fn instances(&self, keys: Vec<String>, recovered: &mut Recovered) -> Result<()> {
         let mut found = Vec::new();
         for key in keys {
             let blobs = Arc::clone(&self.blobs);
@@ -129,12 +134,14 @@ impl Recovery<'_> {
             b.modified_ms.cmp(&a.modified_ms).then_with(|| a.instance.blob.cmp(&b.instance.blob))
         });
         for Examined { instance, modified_ms, is_sealed } in found {
-            match self.catalog.enter_found(&instance, modified_ms, |blob| all.contains(blob)).await? {
+            let written_ms = |blob: &str| self.blobs.modified_ms(blob).ok();
+            match self.catalog.enter_found(&instance, modified_ms, written_ms).await? {
                 Found::Entered => {
                     recovered.instances += 1;
                     recovered.unsealed_instances += u64::from(!is_sealed);
                 }
                 Found::Repaired => recovered.repaired += 1,
+                Found::Corrected => recovered.corrected += 1,
                 Found::Refused(reason) => self.set_aside(instance.blob, reason, recovered).await?,
             }
         }
@@ -172,7 +179,7 @@ impl Recovery<'_> {
                         self.set_aside(key, reason, recovered).await?;
                     }
                 }
-                Found::Entered | Found::Repaired => recovered.results += 1,
+                Found::Entered | Found::Repaired | Found::Corrected => recovered.results += 1,
             }
         }
         if recovered.results > 0 {
