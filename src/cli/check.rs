@@ -3,7 +3,7 @@
 use tokio::runtime::Runtime;
 
 use super::data_dir::DataDir;
-use super::{Exit, Failed};
+use super::{Exit, Failed, output};
 use crate::store::{Checked, Store};
 
 /// Check every file of a data directory against its catalog
@@ -23,11 +23,12 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     let config = args.data_dir.storage()?;
     let runtime = Runtime::new().map_err(Failed::internal)?;
     let checked = runtime.block_on(Store::check(&config)).map_err(|error| Failed::new(Exit::Input, error))?;
-    if args.json {
-        println!("{}", serde_json::to_string_pretty(&checked).map_err(Failed::internal)?);
+    let text = if args.json {
+        serde_json::to_string_pretty(&checked).map_err(Failed::internal)? + "\n"
     } else {
-        print(&checked);
-    }
+        table(&checked)
+    };
+    output::print(text)?;
     if !checked.is_damaged() {
         return Ok(());
     }
@@ -41,13 +42,14 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     ))
 }
 
-fn print(checked: &Checked) {
+fn table(checked: &Checked) -> String {
+    let mut text = String::new();
     for problem in &checked.problems {
         let of = problem.of.as_deref().unwrap_or("-");
-        println!("{:<10}  {}  {of}  {}", problem.kind, problem.path, problem.detail);
+        text += &format!("{:<10}  {}  {of}  {}\n", problem.kind, problem.path, problem.detail);
     }
-    println!(
-        "{} instances ({} bytes), {} results, {} files set aside ({} bytes), {} problems{}",
+    text += &format!(
+        "{} instances ({} bytes), {} results, {} files set aside ({} bytes), {} problems{}\n",
         checked.instances,
         checked.bytes,
         checked.results,
@@ -56,4 +58,5 @@ fn print(checked: &Checked) {
         checked.problems.len(),
         if checked.in_use { "; a service uses it" } else { "" }
     );
+    text
 }

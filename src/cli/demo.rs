@@ -11,7 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use tokio::runtime::Runtime;
 
 use super::signals::Signals;
-use super::{Exit, Failed, values};
+use super::{Exit, Failed, output, values};
 use crate::cloud::ply;
 use crate::config::Config;
 use crate::dicom::uid::SeriesInstanceUid;
@@ -63,8 +63,12 @@ async fn demo(args: Args) -> Result<(), Failed> {
     init_logging(&config.log).map_err(Failed::internal)?;
     let ae_title = config.dimse.ae_title.clone();
     let service = Service::start(config).await.map_err(Failed::internal)?;
-    println!("{} serves http://{}", crate::SOFTWARE, service.http_addr());
-    println!("  DICOM {ae_title}@{}, data in {}", service.dimse_addr(), dir.path().display());
+    output::print(format_args!("{} serves http://{}\n", crate::SOFTWARE, service.http_addr()))?;
+    output::print(format_args!(
+        "  DICOM {ae_title}@{}, data in {}\n",
+        service.dimse_addr(),
+        dir.path().display()
+    ))?;
 
     let shown = tokio::select! {
         shown = show(&service, &ae_title, &results) => shown,
@@ -72,7 +76,9 @@ async fn demo(args: Args) -> Result<(), Failed> {
     };
     if let (Ok(series), false) = (&shown, args.once) {
         let url = format!("http://{}/v1/series/{series}", service.http_addr());
-        println!("\nthe same of the service: {url}/cloud, {url}/report\nserving until Ctrl-C");
+        output::print(format_args!(
+            "\nthe same of the service: {url}/cloud, {url}/report\nserving until Ctrl-C\n"
+        ))?;
         signals.next().await;
     }
     service.shutdown().await;
@@ -91,7 +97,7 @@ fn settings(dir: &std::path::Path) -> Result<Config, Failed> {
 
 /// The main job; the Series Instance UID of what was made.
 async fn show(service: &Service, ae_title: &str, results: &Results) -> Result<SeriesInstanceUid, Failed> {
-    println!("making a synthetic head CT …");
+    output::print(format_args!("making a synthetic head CT …\n"))?;
     let (phantom, instances) = tokio::task::spawn_blocking(|| {
         let phantom = Phantom::new(Options::default())?;
         let instances: Vec<_> =
@@ -113,24 +119,24 @@ async fn show(service: &Service, ae_title: &str, results: &Results) -> Result<Se
         let detail = record.error_detail.unwrap_or_default();
         return Err(Failed::internal(format!("{what}: {code}: {detail}")));
     }
-    println!("{what} {:.1} s after the last instance\n", began.elapsed().as_secs_f64());
+    output::print(format_args!("{what} {:.1} s after the last instance\n\n", began.elapsed().as_secs_f64()))?;
 
     let told = service.store().report(record.id).await.map_err(Failed::internal)?;
     let report: Report = serde_json::from_slice(&told).map_err(Failed::internal)?;
-    print!("{}", Summary(&report));
+    output::print(Summary(&report))?;
     let stored = service.store().cloud(record.id, None).await.map_err(Failed::internal)?;
     let (cloud, _) = ply::decode(&stored).map_err(Failed::internal)?;
     let score = Score::new(&cloud, &phantom);
-    println!(
+    output::print(format_args!(
         "\n{} points against the phantom's known skin, nothing registered: rms {:.2} mm, bias {:+.2} mm, \
-         stray {:.2} %",
+         stray {:.2} %\n",
         score.points,
         score.rms_mm,
         score.bias_mm,
         100.0 * score.stray
-    );
+    ))?;
     results.write(&stored, &told, report.parameters.profile)?;
-    println!("\n{results}");
+    output::print(format_args!("\n{results}\n"))?;
     if score.is_absurd() {
         return Err(Failed::new(Exit::Internal, "the cloud does not lie on the phantom's known skin"));
     }
@@ -155,7 +161,10 @@ async fn push(service: &Service, ae_title: &str, instances: &[Instance]) -> Resu
             refused.sop_instance_uid, refused.answer
         ))),
         None => {
-            println!("sent {} instances by C-STORE, each acknowledged with status 0x0000", outcomes.len());
+            output::print(format_args!(
+                "sent {} instances by C-STORE, each acknowledged with status 0x0000\n",
+                outcomes.len()
+            ))?;
             Ok(())
         }
     }

@@ -72,7 +72,7 @@ pub fn run() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failed) => {
-            eprintln!("triplanar: {failed}");
+            output::tell(format_args!("triplanar: {failed}"));
             ExitCode::from(failed.exit as u8)
         }
     }

@@ -118,3 +118,8 @@ pub(super) fn print(text: impl Display) -> Result<(), Failed> {
         _ => Ok(()),
     }
 }
+
+/// A line on standard error. Where that can't be written there is no other place to say so; the exit code stays.
+pub(super) fn tell(line: impl Display) {
+    let _untold = writeln!(io::stderr(), "{line}");
+}

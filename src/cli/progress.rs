@@ -73,7 +73,7 @@ impl Observer for Progress {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
                 bar.set_position((whole * STEPS) as u64);
             }
-            None if begun => eprintln!("{}", stage.name()),
+            None if begun => super::output::tell(stage.name()),
             None => {}
         }
     }

@@ -2,8 +2,8 @@
 
 use tokio::runtime::Runtime;
 
-use super::Failed;
 use super::data_dir::DataDir;
+use super::{Failed, output};
 use crate::store::{Rebuilt, Store};
 
 /// Make a new catalog from the files of a data directory whose catalog was lost
@@ -26,46 +26,46 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
     let config = args.data_dir.storage()?;
     let runtime = Runtime::new().map_err(Failed::internal)?;
     let rebuilt = runtime.block_on(Store::rebuild(&config, args.replace)).map_err(Failed::internal)?;
-    if args.json {
-        println!("{}", serde_json::to_string_pretty(&rebuilt).map_err(Failed::internal)?);
+    output::print(if args.json {
+        serde_json::to_string_pretty(&rebuilt).map_err(Failed::internal)? + "\n"
     } else {
-        print(&rebuilt);
-    }
-    Ok(())
+        table(&rebuilt)
+    })
 }
 
-fn print(rebuilt: &Rebuilt) {
+fn table(rebuilt: &Rebuilt) -> String {
+    let mut text = String::new();
     let blobs = &rebuilt.blobs;
-    println!(
-        "{} series with {} instances, {} reconstructions",
+    text += &format!(
+        "{} series with {} instances, {} reconstructions\n",
         rebuilt.series, blobs.instances, rebuilt.reconstructions
     );
-    println!(
-        "Series without a reconstruction of all their instances get one after the quiet time, when the service runs."
-    );
+    text += "Series without a reconstruction of all their instances get one after the quiet time, when the service runs.\n";
     if let Some(former) = &rebuilt.former_catalog {
-        println!("The former catalog is now set-aside/{former}.");
+        text += &format!("The former catalog is now set-aside/{former}.\n");
     }
     if blobs.unsealed_instances > 0 {
-        println!(
-            "{} of the instances were stored by release 0.1, whose files do not tell whether they are what was received.",
+        text += &format!(
+            "{} of the instances were stored by release 0.1, whose files do not tell whether they are what was received.\n",
             blobs.unsealed_instances
         );
     }
     for path in &blobs.from_reports {
-        println!("entered as far as its report tells: {path}");
+        text += &format!("entered as far as its report tells: {path}\n");
     }
     for damaged in &blobs.damaged_results {
-        println!("damaged, ask for this reconstruction again: {damaged}");
+        text += &format!("damaged, ask for this reconstruction again: {damaged}\n");
     }
     for path in &blobs.unread_choices {
-        println!("an operator's choice can't be read, look which cloud is the clinical one: {path}");
+        text +=
+            &format!("an operator's choice can't be read, look which cloud is the clinical one: {path}\n");
     }
     for blob in &blobs.set_aside {
-        println!("set aside: set-aside/{}: {}", blob.path, blob.reason);
+        text += &format!("set aside: set-aside/{}: {}\n", blob.path, blob.reason);
     }
-    println!("What can't come back:");
+    text += "What can't come back:\n";
     for lost in rebuilt.lost {
-        println!("  - {lost}");
+        text += &format!("  - {lost}\n");
     }
+    text
 }

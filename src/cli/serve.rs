@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use tokio::runtime::Runtime;
 
 use super::signals::Signals;
-use super::{Failed, Settings};
+use super::{Failed, Settings, output};
 use crate::config::Config;
 use crate::service::{Service, StartError};
 use crate::telemetry::init_logging;
@@ -58,13 +58,16 @@ async fn serve(config: Config) -> Result<(), Failed> {
     let mut signals = Signals::new().map_err(Failed::internal)?;
     let ae_title = config.dimse.ae_title.clone();
     let mut service = Service::start(config).await.map_err(refusal)?;
-    // Scripts wait for this line and read the ports from it.
-    println!(
-        "{} is ready: http://{} DICOM {ae_title}@{}",
+    // Scripts wait for this line and read the ports from it; the service works without it.
+    let told = output::print(format_args!(
+        "{} is ready: http://{} DICOM {ae_title}@{}\n",
         crate::SOFTWARE,
         service.http_addr(),
         service.dimse_addr()
-    );
+    ));
+    if let Err(untold) = told {
+        tracing::warn!("{untold}");
+    }
     let broken = tokio::select! {
         () = signals.next() => None,
         part = service.broken() => Some(part),

@@ -1,5 +1,7 @@
 //! `triplanar token`.
 
+use std::io::{self, Write as _};
+
 use rand::Rng as _;
 use sha2::{Digest, Sha256};
 
@@ -45,13 +47,19 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
         rand::rng().fill_bytes(&mut random);
         let token = hex::encode(random);
         let digest = hex::encode(Sha256::digest(&token));
-        eprintln!("token of {name} (shown once, keep it secret): {token}");
+        show(&format!("token of {name} (shown once, keep it secret): {token}"))?;
         lines.push_str(&format!(
             "  {{ name = \"{name}\", role = \"{}\", sha256 = \"{digest}\" }},\n",
             role.name()
         ));
     }
-    eprintln!("to be pasted under [http] in the configuration; of two lists make one:");
+    show("to be pasted under [http] in the configuration; of two lists make one:")?;
     lines.push_str("]\n");
     output::print(lines)
+}
+
+/// A line on standard error: what is shown once must be seen.
+fn show(line: &str) -> Result<(), Failed> {
+    writeln!(io::stderr(), "{line}")
+        .map_err(|error| Failed::internal(format!("standard error can't be written: {error}")))
 }

@@ -46,7 +46,13 @@ where
     W: for<'any> MakeWriter<'any> + Send + Sync + 'static,
 {
     let filter = EnvFilter::builder().parse(&log.filter)?;
-    let lines = tracing_subscriber::fmt().with_env_filter(filter).with_writer(writer).with_ansi(colours);
+    // A line that can't be written is lost: to tell of that on standard error would panic, and a full disk or a
+    // terminal that is gone is no reason to end.
+    let lines = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(writer)
+        .with_ansi(colours)
+        .log_internal_errors(false);
     Ok(match log.format {
         LogFormat::Text => Box::new(lines.fmt_fields(Escaped(DefaultFields::new())).finish()),
         LogFormat::Json => Box::new(
@@ -97,6 +103,23 @@ mod tests {
         });
         let bytes = kept.0.lock().unwrap().clone();
         String::from_utf8(bytes).unwrap()
+    }
+
+    #[test]
+    fn a_line_that_cannot_be_written_is_no_panic() {
+        struct Full;
+        impl io::Write for Full {
+            fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+                Err(io::ErrorKind::StorageFull.into())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        for format in [LogFormat::Text, LogFormat::Json] {
+            let lines = lines(&Log { filter: "info".into(), format }, || Full, false).unwrap();
+            tracing::subscriber::with_default(lines, || tracing::error!("lost"));
+        }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 mod cli_demo;
 mod cli_dump;
 mod cli_evaluate;
+mod cli_full;
 mod cli_outputs;
 mod cli_phantom;
 mod cli_reconstruct;

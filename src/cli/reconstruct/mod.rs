@@ -56,11 +56,11 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
         let reason = Reason { code: Failure::UNREADABLE, detail: &failed.message, instances: &[] };
         // The failure itself matters more than where it could not be told.
         if let Err(untold) = args.report.write_unmade(reason, Vec::new()) {
-            eprintln!("triplanar: {untold}");
+            output::tell(format_args!("triplanar: {untold}"));
         }
     })?;
     for file in &inputs.refused {
-        eprintln!("not used: {}: {}: {}", file.name, file.code, file.detail);
+        output::tell(format_args!("not used: {}: {}: {}", file.name, file.code, file.detail));
     }
     let selected = match choose::series(&inputs, args.series.as_ref(), config.intake.min_slices) {
         Ok(selected) => selected,
@@ -88,7 +88,7 @@ pub(super) fn run(args: Args) -> Result<(), Failed> {
             let failed = args.no_cloud(failure, &selected);
             // The failure itself matters more than a file of its stages.
             if let Err(undumped) = dumped {
-                eprintln!("triplanar: {undumped}");
+                output::tell(format_args!("triplanar: {undumped}"));
             }
             Err(failed)
         }
@@ -127,7 +127,7 @@ impl Args {
         };
         // The failure itself matters more than where it could not be told.
         if let Err(untold) = told {
-            eprintln!("triplanar: {untold}");
+            output::tell(format_args!("triplanar: {untold}"));
         }
         failed
     }
