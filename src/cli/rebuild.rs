@@ -4,7 +4,7 @@ use tokio::runtime::Runtime;
 
 use super::data_dir::DataDir;
 use super::{Failed, output};
-use crate::store::{Rebuilt, Store};
+use crate::store::{MissingInstances, Rebuilt, Store};
 
 /// Make a new catalog from the files of a data directory whose catalog was lost
 ///
@@ -55,6 +55,13 @@ fn table(rebuilt: &Rebuilt) -> String {
     }
     for damaged in &blobs.damaged_results {
         text += &format!("damaged, ask for this reconstruction again: {damaged}\n");
+    }
+    for MissingInstances { series_instance_uid, stored, lost } in &blobs.missing_instances {
+        let (count, uids) = (lost.len(), lost.join(", "));
+        let what = if *stored == 0 { "removed after their time, or lost" } else { "lost, send them again" };
+        text += &format!(
+            "{what}: of series {series_instance_uid} {stored} instances are stored, {count} that results were made from are not: {uids}\n"
+        );
     }
     for path in &blobs.unread_choices {
         text +=

@@ -68,7 +68,7 @@ pub use records::{
     InstanceRecord, Page, ReconstructionFilter, ReconstructionId, ReconstructionRecord, ReconstructionState,
     Refused, SenderEnd, SeriesFilter, SeriesRecord, SeriesState, TransferDoubt, UnreadableRow,
 };
-pub use recovery::{Rebuilt, Recovered, SetAside};
+pub use recovery::{MissingInstances, Rebuilt, Recovered, SetAside};
 pub use removing::Swept;
 pub use room::Readiness;
 pub use source::{LostInstances, StoredInstances};

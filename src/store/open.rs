@@ -11,7 +11,7 @@ use tokio::sync::Mutex;
 
 use super::blobs::{Aside, Blobs as _, Files};
 use super::catalog::{Catalog, SchemaError, now_ms};
-use super::recovery::{Recovered, Recovery};
+use super::recovery::{MissingInstances, Recovered, Recovery};
 use super::{Counts, Inner, Store, blocking};
 use crate::config;
 use crate::error::Error;
@@ -169,6 +169,16 @@ impl Store {
         self.0.counts.entered.fetch_add(recovered.rows(), Ordering::Relaxed);
         for blob in &recovered.set_aside {
             tracing::warn!(path = blob.path, reason = blob.reason, "a blob without a row was set aside");
+        }
+        let partly = recovered.missing_instances.iter().filter(|missing| missing.stored > 0);
+        for MissingInstances { series_instance_uid, stored, lost } in partly {
+            let lost = lost.len();
+            tracing::error!(
+                series = series_instance_uid,
+                stored,
+                lost,
+                "no file holds instances that a result was made from"
+            );
         }
         if recovered != Recovered::default() {
             tracing::warn!(

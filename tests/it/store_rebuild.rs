@@ -14,6 +14,7 @@ use triplanar::store::{
 use uuid::Uuid;
 
 use crate::support::entrance::{Entrance, outcome, settings};
+use crate::support::service::{run, triplanar};
 use crate::support::slice::Slice;
 
 const LEASE: Duration = Duration::from_secs(60);
@@ -310,4 +311,37 @@ async fn a_refusal_that_was_held_still_is() {
     rebuilt(&config).await;
     let entrance = Entrance::open(config).await;
     assert_eq!((entrance.series(1).await.doubts, entrance.store.refused(&uid).await.unwrap()), before);
+}
+
+#[tokio::test]
+async fn an_instance_that_a_result_was_made_from_and_no_file_holds_is_named() {
+    let dir = tempdir().unwrap();
+    let entrance = Entrance::open(settings(dir.path())).await;
+    made(&entrance).await;
+    let config = entrance.config.clone();
+    entrance.stop().await;
+    let uids: Vec<String> = [2, 3].map(|number| Slice::of(1, number).sop_uid().to_string()).into();
+    for shard in std::fs::read_dir(dir.path().join("instances")).unwrap() {
+        for file in std::fs::read_dir(shard.unwrap().path()).unwrap() {
+            let path = file.unwrap().path();
+            let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+            if uids.iter().any(|uid| name.starts_with(&format!("{uid}."))) {
+                std::fs::remove_file(path).unwrap();
+            }
+        }
+    }
+    std::fs::remove_file(dir.path().join("catalog.sqlite")).unwrap();
+    let mut command = triplanar();
+    command.args(["rebuild", "--json", "--data-dir"]).arg(dir.path());
+    let told: serde_json::Value = serde_json::from_slice(&run(command).stdout).expect("JSON");
+    let series = Slice::of(1, 0).series_uid().to_string();
+    let expected = serde_json::json!([{ "series_instance_uid": series, "stored": 2, "lost": uids }]);
+    assert_eq!(told["missing_instances"], expected, "{told:#}");
+    let mut command = triplanar();
+    command.args(["rebuild", "--replace", "--data-dir"]).arg(dir.path());
+    let text = String::from_utf8(run(command).stdout).unwrap();
+    assert!(text.contains(&format!("send them again: of series {series} 2 ")), "{text}");
+    assert!(uids.iter().all(|uid| text.contains(uid)), "{text}");
+    let series = Entrance::open(config).await.series(1).await;
+    assert!(series.doubts.contains(&TransferDoubt::IncompleteTransfer), "{:?}", series.doubts);
 }

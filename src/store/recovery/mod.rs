@@ -18,7 +18,7 @@ mod from_report;
 mod rebuild;
 mod record;
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::io;
 use std::sync::Arc;
 
@@ -32,6 +32,7 @@ use super::reading::REPORT;
 use super::verify::{fingerprint, image_sha256, is_as_sealed};
 use crate::dicom::header::InstanceHeader;
 use crate::dicom::scan::{self, Encoding, Limits};
+use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
 
 pub use rebuild::Rebuilt;
@@ -45,6 +46,17 @@ pub struct SetAside {
     pub path: String,
     /// Why.
     pub reason: String,
+}
+
+/// Instances of a series that its results were made from and that no file holds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct MissingInstances {
+    /// The series.
+    pub series_instance_uid: String,
+    /// How many instances of it are stored. 0: they may have been removed after their time.
+    pub stored: u64,
+    /// SOP Instance UIDs of the others.
+    pub lost: Vec<String>,
 }
 
 /// What became of the blobs without a row.
@@ -66,6 +78,8 @@ pub struct Recovered {
     /// Files of entered results that are missing or are not what was written, with why: ask for these
     /// reconstructions again.
     pub damaged_results: Vec<String>,
+    /// Instances that entered results were made from and that are not stored.
+    pub missing_instances: Vec<MissingInstances>,
     /// Records of operators' clinical choices that can't be read: look which cloud is the clinical one.
     pub unread_choices: Vec<String>,
     /// The others.
@@ -154,6 +168,7 @@ impl Recovery<'_> {
         recovered: &mut Recovered,
     ) -> Result<()> {
         let mut choices = Vec::new();
+        let mut made_from: BTreeMap<SeriesInstanceUid, BTreeSet<String>> = BTreeMap::new();
         // Ids are UUIDv7: the latest comes first.
         for (prefix, keys) in prefixes.into_iter().rev() {
             let found = match self.record(&prefix).await? {
@@ -164,6 +179,10 @@ impl Recovery<'_> {
                             recovered.damaged_results.extend(self.damage(&prefix, seal).await?);
                         }
                         choices.extend(record.choices);
+                        let series = record.reconstruction.get("series_uid").and_then(|uid| uid.as_str());
+                        if let Some(series) = series.and_then(|uid| uid.parse().ok()) {
+                            made_from.entry(series).or_default().extend(record.instances);
+                        }
                     }
                     found
                 }
@@ -186,7 +205,27 @@ impl Recovery<'_> {
             self.catalog.settle_results(&recovered.from_reports).await?;
             self.catalog.enter_choices(&choices).await?;
         }
+        for (series, instances) in made_from {
+            recovered.missing_instances.extend(self.lost(series, instances).await?);
+        }
         Ok(())
+    }
+
+    /// Those of the instances that are not stored.
+    async fn lost(
+        &self,
+        series: SeriesInstanceUid,
+        mut instances: BTreeSet<String>,
+    ) -> Result<Option<MissingInstances>> {
+        let stored = self.catalog.instances(&series).await?;
+        for instance in &stored {
+            instances.remove(instance.header.sop_instance_uid.as_str());
+        }
+        Ok((!instances.is_empty()).then(|| MissingInstances {
+            series_instance_uid: series.to_string(),
+            stored: stored.len() as u64,
+            lost: instances.into_iter().collect(),
+        }))
     }
 
     /// What operators chose, as it is written beside a result.
