@@ -429,7 +429,9 @@ impl From<std::io::Error> for Error {
         use std::io::ErrorKind;
         // EMFILE and ENFILE have no kind of their own in the standard library.
         match (error.kind(), error.raw_os_error()) {
-            (ErrorKind::StorageFull | ErrorKind::QuotaExceeded, _) => Self::OutOfStorage,
+            (ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge, _) => {
+                Self::OutOfStorage
+            }
             (_, Some(EMFILE | ENFILE)) => Self::OutOfDescriptors,
             (ErrorKind::OutOfMemory, _) => Self::OutOfMemory,
             (ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem, _) => {

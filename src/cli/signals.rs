@@ -1,13 +1,14 @@
-//! SIGINT and SIGTERM; SIGHUP, which does nothing.
+//! SIGINT and SIGTERM; SIGHUP and SIGXFSZ, which do nothing.
 
 use std::io;
 
-use tokio::signal::unix::{Signal, SignalKind, signal};
+use rustix::process::Signal;
+use tokio::signal::unix::{self, SignalKind, signal};
 
 /// The signals that ask the process to end, caught from its making on.
 pub(super) struct Signals {
-    interrupt: Signal,
-    terminate: Signal,
+    interrupt: unix::Signal,
+    terminate: unix::Signal,
 }
 
 impl Signals {
@@ -21,6 +22,9 @@ impl Signals {
                 );
             }
         });
+        // A file at the limit of its size (`ulimit -f`) is an error of its writer, not the end: once heard, the
+        // signal no longer kills.
+        let _heard = signal(SignalKind::from_raw(Signal::XFSZ.as_raw()))?;
         Ok(Self { interrupt: signal(SignalKind::interrupt())?, terminate: signal(SignalKind::terminate())? })
     }
 
