@@ -6,6 +6,7 @@ use axum::http::StatusCode;
 use serde::{Deserialize, Serialize};
 
 use super::{reconstruction_record, series_record};
+use crate::config;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
 use crate::http::Context;
@@ -14,12 +15,14 @@ use crate::http::upload::UploadedSeries;
 use crate::http::views::{ReconstructionView, SeriesView};
 use crate::store::{CompleteReason, ReconstructionFilter, ReconstructionState};
 
-/// Instances that a series can be said to have.
-const MAX_EXPECTED: u64 = 1_000_000;
-
-/// Whether a series can be said to have so many instances; the limits, if not.
-pub(in crate::http) fn check_expected(instances: u64) -> Result<(), String> {
-    if (1..=MAX_EXPECTED).contains(&instances) { Ok(()) } else { Err(format!("1 to {MAX_EXPECTED}")) }
+/// Whether a series can be said to have so many instances: no more than it may; the limits, if not.
+pub(in crate::http) fn check_expected(instances: u64, intake: &config::Intake) -> Result<(), String> {
+    let most = intake.max_series_instances;
+    if (1..=most).contains(&instances) {
+        Ok(())
+    } else {
+        Err(format!("1 to {most} (intake.max_series_instances)"))
+    }
 }
 
 /// Rows that are looked through at a time.
@@ -58,8 +61,8 @@ pub(in crate::http) async fn complete_series(
 #[serde(deny_unknown_fields)]
 #[schema(example = json!({ "instances": 145 }))]
 pub(crate) struct ExpectedInstances {
-    /// Instances of the whole series.
-    #[schema(minimum = 1, maximum = 1_000_000)]
+    /// Instances of the whole series, at most `intake.max_series_instances`.
+    #[schema(minimum = 1)]
     pub instances: u64,
 }
 
@@ -87,7 +90,7 @@ pub(in crate::http) async fn expect_instances(
     body: JsonBody,
 ) -> Result<Json<ExpectedInstances>> {
     let expected: ExpectedInstances = body.of()?;
-    check_expected(expected.instances)
+    check_expected(expected.instances, &context.config.intake)
         .map_err(|detail| Error::InvalidBody(format!("instances: {detail}")))?;
     context.intake.expect(&uid, expected.instances).await?;
     Ok(Json(expected))

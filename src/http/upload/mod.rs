@@ -56,10 +56,10 @@ const SINGLE_BODIES: [&str; 9] = [
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct UploadQuery {
-    /// Instances that each series of the upload has in all. With it, a series is complete when it
+    /// Instances that each series of the upload has in all, at most `intake.max_series_instances`. With it, a series is complete when it
     /// has so many; without it, at the end of the upload (after a single slice: when nothing more
     /// came for the short quiet time).
-    #[param(minimum = 1, maximum = 1_000_000, example = 145)]
+    #[param(minimum = 1, example = 145)]
     expect: Option<u64>,
 }
 
@@ -107,7 +107,7 @@ pub(super) async fn upload_series(
     body: Body,
 ) -> Result<Response> {
     if let Some(expect) = query.expect {
-        check_expected(expect)
+        check_expected(expect, &context.config.intake)
             .map_err(|detail| Error::InvalidParameter { name: "expect".to_owned(), detail })?;
     }
     let media_type = MediaType::of_request(&headers);
