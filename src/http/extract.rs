@@ -9,6 +9,7 @@ use serde::de::DeserializeOwned;
 
 use super::Context;
 use super::body::Incoming;
+use super::json::Unique;
 use crate::dicom::uid::{SeriesInstanceUid, StudyInstanceUid};
 use crate::error::{Error, Result};
 use crate::store::ReconstructionId;
@@ -109,7 +110,7 @@ impl FromRequest<Context> for JsonBody {
         match is_json {
             _ if bytes.is_empty() => Ok(Self(None)),
             Some(true) => serde_json::from_slice(&bytes)
-                .map(|value| Self(Some(value)))
+                .map(|Unique(value)| Self(Some(value)))
                 .map_err(|wrong| Error::InvalidBody(wrong.to_string())),
             Some(false) | None => {
                 Err(Error::UnsupportedMediaType("the body must be application/json".to_owned()))

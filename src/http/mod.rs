@@ -17,6 +17,7 @@ mod door;
 mod extract;
 mod host;
 mod identity;
+mod json;
 mod media_type;
 mod multipart;
 mod observe;

@@ -121,6 +121,9 @@ async fn the_same_parameters_are_the_same_reconstruction() {
         "{",
         "{\"radius_outlier\": [5, 3]}",
         "{\"leaf_mm\": null}",
+        // Of two values neither is the one that was meant.
+        "{\"leaf_mm\": 2, \"leaf_mm\": 3}",
+        "{\"radius_outlier\": {\"min_neighbours\": 7, \"min_neighbours\": 8}}",
         // Without effect under the profile that runs.
         "{\"profile\": \"precise\", \"hu_min\": -300}",
         "{\"profile\": \"paper\", \"quality\": {\"noise_hu\": 60}}",
