@@ -20,7 +20,7 @@ mod pace;
 mod peer;
 mod places;
 
-pub(crate) use connections::{Connections, Limits, Place, Slow};
+pub(crate) use connections::{Connections, Limits, Place, Slow, least_rate};
 pub(crate) use descriptors::fit;
 pub(crate) use member::{Apart, Awaiting, Busy, Member};
 pub use network::Network;
