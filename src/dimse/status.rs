@@ -57,6 +57,7 @@ impl From<&Error> for Refusal {
             Error::PixelDataSize(fault) => format!("{code}: {}", fault.figures()),
             Error::ConflictingInstance(_) => format!("{code}: stored with other content"),
             Error::IncomparableInstance(_) => format!("{code}: in another transfer syntax"),
+            Error::TooLargeToCompare(..) => format!("{code}: beyond memory.budget_bytes"),
             Error::ConflictingSeries(_) => format!("{code}: stored in another series or study"),
             Error::ConflictingStudy(_) => format!("{code}: its series is of another study"),
             Error::ConflictingIdentity(_) => format!("{code}: stored with another identity"),
