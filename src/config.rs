@@ -139,6 +139,7 @@ pub struct Dimse {
     pub max_associations_per_peer: usize,
     #[serde(deserialize_with = "seconds")]
     pub gives_way_after: Duration,
+    pub crowded_bytes_per_second: u64,
     pub max_waiting: usize,
     pub max_waiting_per_peer: usize,
     pub max_pdu_length: u32,

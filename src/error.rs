@@ -333,9 +333,8 @@ impl Error {
             Self::MissingAttribute { .. } => ("missing-attribute", "Missing attribute", 0xC002, 422),
             Self::PixelDataSize(_) => ("pixel-data-size", "Pixel data of another size", 0xC007, 422),
             Self::ConflictingInstance(_) => ("conflicting-instance", "Conflicting instance", 0xC003, 409),
-            Self::IncomparableInstance(_) | Self::TooLargeToCompare(..) => {
-                ("incomparable-instance", "Incomparable instance", 0xC009, 409)
-            }
+            Self::IncomparableInstance(_) => ("incomparable-instance", "Incomparable instance", 0xC009, 409),
+            Self::TooLargeToCompare(..) => ("too-large-to-compare", "Too large to compare", 0xC009, 409),
             Self::ConflictingSeries(_) => ("conflicting-series", "Conflicting series", 0xC004, 409),
             Self::ConflictingStudy(_) => ("conflicting-study", "Conflicting study", 0xC006, 409),
             Self::ConflictingIdentity(_) => ("conflicting-identity", "Conflicting identity", 0xC008, 409),

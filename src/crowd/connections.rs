@@ -1,6 +1,6 @@
 //! Connections that wait for their peer's word, and those that work: when there are too many, the
 //! oldest that wait make room, first those of the peer that has the most; and where all work, the
-//! slowest of those whose work waits for the peer's bytes.
+//! slowest of those whose work waits for the peer's bytes: any of them, or by address (see [`Slow`]).
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -30,10 +30,30 @@ pub(crate) struct Limits {
     /// Where all places are taken, work that waits for its peer makes room if the peer moves fewer bytes
     /// a second; 0: none does.
     pub(crate) crowded_bytes_per_second: u64,
+    /// Which of these.
+    pub(crate) slow: Slow,
     /// One that has waited for less makes no room.
     pub(crate) least_wait: Duration,
     /// Whether patience shrinks before the last place is taken.
     pub(crate) shrinks: bool,
+}
+
+/// Whose work makes room.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Slow {
+    /// Any that is slow.
+    Any,
+    /// By address: that of a peer with more than one, for one that has none. All that one has beyond its
+    /// share of the places must be as many times as fast as it has places ([`least_rate`]): slots that
+    /// are worth their traffic.
+    OfTheCrowded,
+}
+
+/// Bytes a second that each of a peer's `places` must move to keep them where all `max` are taken by so
+/// many `peers`, the newcomer among them.
+pub(crate) fn least_rate(crowded: u64, places: usize, max: usize, peers: usize) -> u64 {
+    let beyond_its_share = places > max / peers.max(1);
+    if beyond_its_share { crowded.saturating_mul(places as u64) } else { crowded }
 }
 
 /// All connections of one door.
@@ -81,8 +101,9 @@ impl Connections {
         let of_peer = members.values().filter(|it| it.counts() && it.peer == peer).count();
         if !shared && of_peer >= self.limits.max_per_peer {
             let of_peer = || members.iter().filter(|(_, it)| it.peer == peer);
-            let victim = oldest(of_peer().filter(|(_, it)| self.gives_way(it, now)))
-                .or_else(|| self.slowest(of_peer(), |_| 0));
+            let victim = oldest(of_peer().filter(|(_, it)| self.gives_way(it, now))).or_else(|| {
+                (self.limits.slow == Slow::Any).then(|| self.slowest(of_peer(), |_| 0)).flatten()
+            });
             close(&mut members, victim.ok_or(LimitReached(self.limits.names[1]))?);
         }
         if members.values().filter(|it| it.counts()).count() >= self.limits.max {
@@ -97,7 +118,8 @@ impl Connections {
     }
 
     /// The oldest that waits, of the peer that has the most connections of which one waits; a proxy's
-    /// go last. None goes for a peer that has more connections than its own.
+    /// go last. None goes for a peer that has more connections than its own. By address, work of a peer that
+    /// has more goes before one that waits.
     fn victim(&self, members: &HashMap<u64, Arc<Member>>, newcomer: Peer, shared: bool) -> Option<u64> {
         let now = self.now();
         let mut of_peer = HashMap::<Peer, usize>::new();
@@ -110,9 +132,39 @@ impl Connections {
         let may_go = |it: &Member| peers(it) >= of_newcomer;
         let waiting = members.iter().filter(|(_, it)| self.gives_way(it, now) && may_go(it));
         let rank = |member: &Member| (member.shared, std::cmp::Reverse(peers(member)), member.since());
-        let waiting = waiting.min_by_key(|(id, it)| (rank(it), **id)).map(|(id, _)| *id);
-        let working = members.iter().filter(|(_, it)| it.counts() && may_go(it));
-        waiting.or_else(|| self.slowest(working, peers))
+        let waiting = waiting.min_by_key(|(id, it)| (rank(it), **id));
+        match self.limits.slow {
+            Slow::Any => {
+                let working = members.iter().filter(|(_, it)| it.counts() && may_go(it));
+                waiting.map(|(id, _)| *id).or_else(|| self.slowest(working, peers))
+            }
+            Slow::OfTheCrowded if of_newcomer > 0 => waiting.map(|(id, _)| *id),
+            Slow::OfTheCrowded => {
+                let working = self.slowest_of_the_crowded(members, &of_peer);
+                let waiting = waiting.map(|(id, it)| (peers(it), *id));
+                match (working, waiting) {
+                    (Some((most, id)), Some((of_waiting, _))) if most > of_waiting => Some(id),
+                    (_, Some((_, id))) | (Some((_, id)), None) => Some(id),
+                    (None, None) => None,
+                }
+            }
+        }
+    }
+
+    /// The slowest below its least rate, of the peer that has the most of which one is, and how many that has.
+    fn slowest_of_the_crowded(
+        &self,
+        members: &HashMap<u64, Arc<Member>>,
+        of_peer: &HashMap<Peer, usize>,
+    ) -> Option<(usize, u64)> {
+        let (now, Limits { max, crowded_bytes_per_second, least_wait, .. }) = (self.now(), self.limits);
+        let slow = members.iter().filter_map(|(id, it)| {
+            let places = of_peer.get(&it.peer).copied().filter(|places| *places > 1)?;
+            let least = least_rate(crowded_bytes_per_second, places, max, of_peer.len() + 1);
+            let rate = it.flow(now, least_wait).filter(|rate| it.counts() && *rate < least)?;
+            Some((std::cmp::Reverse(places), rate, *id))
+        });
+        slow.min().map(|(places, _, id)| (places.0, id))
     }
 
     /// The slowest of those whose work waits for a slow peer, of the peer with the most connections.

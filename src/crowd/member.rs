@@ -1,13 +1,14 @@
 //! One connection, as those see it who let it wait or work: what it does, since when, and how fast its
 //! peer moves.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use tokio_util::sync::CancellationToken;
 
 use super::Peer;
+use super::flow::Flow;
 
 /// Work that waits for its peer is measured for so long before it can make room.
 pub(super) const MEASURED: Duration = Duration::from_secs(2);
@@ -30,6 +31,8 @@ pub(crate) struct Member {
     awaited: AtomicUsize,
     /// Bytes that the peer sent or took since it works.
     moved: AtomicU64,
+    /// How fast its peer has sent of late, over all that it works on.
+    flow: Mutex<Flow>,
     /// It has a limit of its own (a stream of events) and is not counted here.
     apart: AtomicBool,
     /// What it was sent is not whole.
@@ -62,6 +65,7 @@ impl Member {
             works_since: AtomicU64::new(now),
             awaited: AtomicUsize::new(0),
             moved: AtomicU64::new(0),
+            flow: Mutex::default(),
             apart: AtomicBool::new(false),
             broken: AtomicBool::new(false),
             closed: CancellationToken::new(),
@@ -86,6 +90,21 @@ impl Member {
     /// The peer sent or took so many bytes.
     pub(crate) fn moved(&self, bytes: usize) {
         self.moved.fetch_add(bytes as u64, Ordering::Relaxed);
+    }
+
+    /// The peer is waited for from now on, until bytes of it came.
+    pub(crate) fn waits_for_bytes(&self) {
+        self.flow.lock().unwrap_or_else(PoisonError::into_inner).waits(milliseconds(self.begun));
+    }
+
+    /// So many came.
+    pub(crate) fn bytes_came(&self, bytes: usize) {
+        self.flow.lock().unwrap_or_else(PoisonError::into_inner).came(milliseconds(self.begun), bytes);
+    }
+
+    /// Bytes a second that came of late, if they are waited for now and have been for at least `measured`.
+    pub(super) fn flow(&self, now: u64, measured: Duration) -> Option<u64> {
+        self.flow.lock().unwrap_or_else(PoisonError::into_inner).rate(now, measured)
     }
 
     /// It has a limit of its own until what this gives is dropped.

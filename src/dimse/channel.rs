@@ -1,6 +1,7 @@
 //! Messages (PS3.7) over a connection: command sets and data sets, whole again from their
 //! fragments; and the way back. Both our SCP and our SCU speak through it.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -70,6 +71,7 @@ impl Channel {
     /// The same, with a place that it gives up for others while it waits for a message.
     pub(crate) fn seated(mut self, place: Place) -> Self {
         let busy = Some(place.member().work());
+        self.connection.watch(Arc::clone(place.member()));
         self.seat = Some(Seat { place, busy });
         self
     }
@@ -139,6 +141,7 @@ impl Channel {
             let received = tokio::select! {
                 biased;
                 () = stopped.cancelled() => return Err(Fault::ShuttingDown),
+                () = given_away(self.seat.as_ref()) => return Err(Fault::GaveWay),
                 received = self.connection.receive(self.idle_timeout) => received?,
             };
             match received {
@@ -157,22 +160,16 @@ impl Channel {
         pdata::take(&mut self.rest).map(Next::Fragment)
     }
 
-    /// Waits for the first byte of a message. Only meanwhile the association gives way to others.
+    /// Waits for the first byte of a message. Meanwhile the association does nothing for its peer.
     async fn wait(&mut self) -> Result<(), Fault> {
         if let Some(seat) = &mut self.seat {
             seat.busy = None;
         }
         let Self { connection, idle_timeout, stop, seat, .. } = self;
-        let given_away = async {
-            match seat {
-                Some(seat) => seat.place.closed().await,
-                None => std::future::pending().await,
-            }
-        };
         tokio::select! {
             biased;
             () = stop.soon.cancelled() => return Err(Fault::ShuttingDown),
-            () = given_away => return Err(Fault::GaveWay),
+            () = given_away(seat.as_ref()) => return Err(Fault::GaveWay),
             begun = connection.wait(*idle_timeout) => begun?,
         }
         if let Some(seat) = &mut self.seat {
@@ -215,6 +212,14 @@ impl Channel {
     /// Closes the connection.
     pub(crate) async fn close(self) {
         self.connection.close().await;
+    }
+}
+
+/// Returns when others need the place.
+async fn given_away(seat: Option<&Seat>) {
+    match seat {
+        Some(seat) => seat.place.closed().await,
+        None => std::future::pending().await,
     }
 }
 

@@ -4,6 +4,7 @@
 //! bytes that came, never by the claim. The bodies are parsed by dicom-ul; P-DATA-TF, which carries
 //! the pixels, is handed on as it is, so that nothing is copied.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
@@ -13,7 +14,7 @@ use tokio::net::TcpStream;
 use tokio::time::{Instant, timeout};
 
 use super::fault::Fault;
-use crate::crowd::Pace;
+use crate::crowd::{Member, Pace};
 
 /// Type, reserved byte, length.
 const HEADER_LENGTH: usize = 6;
@@ -49,6 +50,8 @@ pub(crate) struct Connection {
     pace: Pace,
     min_bytes_per_second: u64,
     within_message: bool,
+    /// Is told how fast the peer sends.
+    member: Option<Arc<Member>>,
 }
 
 impl Connection {
@@ -69,6 +72,7 @@ impl Connection {
             pace: Pace::new(0, Duration::ZERO),
             min_bytes_per_second: 0,
             within_message: false,
+            member: None,
         })
     }
 
@@ -78,6 +82,11 @@ impl Connection {
         self.min_bytes_per_second = min_bytes_per_second;
         self.pace = Pace::new(min_bytes_per_second, grace);
         self
+    }
+
+    /// From now on `member` is told how fast the peer sends.
+    pub(crate) fn watch(&mut self, member: Arc<Member>) {
+        self.member = Some(member);
     }
 
     /// A message may begin, after any pause, or one has begun and must keep its pace.
@@ -159,8 +168,20 @@ impl Connection {
         Ok(())
     }
 
-    /// Reads what is there. Before a message begins the peer may pause; then it must keep its pace.
+    /// Reads what is there, and tells how fast that came.
     async fn read(&mut self) -> Result<usize, Fault> {
+        if let Some(member) = &self.member {
+            member.waits_for_bytes();
+        }
+        let bytes = self.read_paced().await?;
+        if let Some(member) = &self.member {
+            member.bytes_came(bytes);
+        }
+        Ok(bytes)
+    }
+
+    /// Reads what is there. Before a message begins the peer may pause; then it must keep its pace.
+    async fn read_paced(&mut self) -> Result<usize, Fault> {
         if !self.within_message && self.buffer.is_empty() {
             return Ok(self.stream.read_buf(&mut self.buffer).await?);
         }

@@ -26,10 +26,11 @@ pub enum Fault {
     /// Others need the connection, on which no association request came yet.
     #[error("closed for others: too many connections wait without an association request")]
     Crowded,
-    /// Another association needs the place of this one, whose peer asks for nothing.
+    /// Another association needs the place of this one, whose peer asks for nothing or is slow.
     #[error(
         "closed for another association: all places are taken (dimse.max_associations, \
-         dimse.max_associations_per_peer) and this one waited longest for a request"
+         dimse.max_associations_per_peer) and this one waited longest for a request, or its address has the most \
+         and it is slow (dimse.crowded_bytes_per_second)"
     )]
     GaveWay,
     /// The peer did not take what we sent in time.

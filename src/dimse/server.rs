@@ -11,7 +11,7 @@ use tokio_util::task::TaskTracker;
 use super::association;
 use super::stop::Stop;
 use crate::config;
-use crate::crowd::{Connections, Limits, Peer};
+use crate::crowd::{Connections, Limits, Peer, Slow};
 use crate::intake::Intake;
 use crate::telemetry::Metrics;
 
@@ -34,7 +34,8 @@ pub(crate) struct Shared {
 ///
 /// A connection takes a place of an association only when its request was read. Before that it
 /// waits among others, of which the oldest make room when there are too many. When all places of
-/// associations are taken, the one that has waited longest for its peer's next request makes room.
+/// associations are taken, the one that has waited longest for its peer's next request makes room, or,
+/// for a peer that has none, the slowest one of the peer that has the most.
 ///
 /// At shutdown no further association is accepted, those that wait for a message are aborted, and
 /// those within a message may finish it for a moment. Returns when all have ended.
@@ -51,6 +52,7 @@ pub async fn serve(
         names: ["dimse.max_waiting", "dimse.max_waiting_per_peer"],
         patience: config.association_timeout,
         crowded_bytes_per_second: 0,
+        slow: Slow::Any,
         least_wait: Duration::ZERO,
         shrinks: true,
     });
@@ -61,7 +63,8 @@ pub async fn serve(
         patience: config.idle_timeout,
         least_wait: config.gives_way_after,
         shrinks: false,
-        crowded_bytes_per_second: 0,
+        crowded_bytes_per_second: config.crowded_bytes_per_second,
+        slow: Slow::OfTheCrowded,
     });
     let shared = Arc::new(Shared { config, associations, intake, metrics });
     let stop = Stop { soon: shutdown.clone(), now: CancellationToken::new() };

@@ -145,7 +145,7 @@ pub(super) fn head() -> OpenApi {
     OpenApiBuilder::new().info(info).servers(Some([server.build()])).tags(Some(tags)).build()
 }
 
-fn operations_of(item: &mut PathItem) -> impl Iterator<Item = (Method, &mut Operation)> {
+pub(super) fn operations_of(item: &mut PathItem) -> impl Iterator<Item = (Method, &mut Operation)> {
     let PathItem { get, put, post, delete, .. } = item;
     [(HttpMethod::Get, get), (HttpMethod::Put, put), (HttpMethod::Post, post), (HttpMethod::Delete, delete)]
         .into_iter()

@@ -83,7 +83,7 @@ impl FromRequestParts<Context> for SlicePath {
     }
 }
 
-/// The query's parameters. One that the operation does not know is an error, not silence.
+/// The query's parameters; those that the operation does not know are refused before ([`super::query`]).
 pub(super) struct Parameters<T>(pub(super) T);
 
 impl<T: DeserializeOwned + Send> FromRequestParts<Context> for Parameters<T> {

@@ -13,7 +13,7 @@ use utoipa_axum::routes;
 use super::resources::{
     clinical, cloud, events, health, pages, reconstructions, report, series, series_control, slices,
 };
-use super::{AppState, Context, auth, describe, host, observe, problem, stow, upload};
+use super::{AppState, Context, auth, describe, host, observe, problem, query, stow, upload};
 use crate::error::Error;
 
 /// Pages get their own files and nothing else; nothing of ours belongs into a frame.
@@ -52,8 +52,9 @@ pub(super) fn router(state: AppState, shutdown: CancellationToken) -> Router {
         SetResponseHeaderLayer::if_not_present(name, HeaderValue::from_static(value))
     };
     let same_origin = HeaderName::from_static("cross-origin-resource-policy");
-    let (router, _) = operations().split_for_parts();
+    let (router, api) = operations().split_for_parts();
     router
+        .route_layer(from_fn_with_state(query::Known::of(api), query::check))
         .merge(pages::routes())
         .fallback(nothing)
         .method_not_allowed_fallback(|| async { Error::MethodNotAllowed })

@@ -14,7 +14,7 @@ use super::door::{Arrival, Door};
 use super::timed_io::TimedIo;
 use super::{AppState, router};
 use crate::config;
-use crate::crowd::{Connections, Limits, Pace, Peer, Place};
+use crate::crowd::{Connections, Limits, Pace, Peer, Place, Slow};
 use crate::error::Result;
 
 /// Requests that run at shutdown may end within this time.
@@ -41,6 +41,7 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: Cancellatio
         names,
         patience: settings.idle_timeout,
         crowded_bytes_per_second: settings.crowded_bytes_per_second,
+        slow: Slow::Any,
         least_wait: Duration::ZERO,
         shrinks: true,
     });
@@ -50,6 +51,7 @@ pub async fn serve(listener: TcpListener, state: AppState, shutdown: Cancellatio
         names,
         patience: RESERVE_PATIENCE.min(settings.idle_timeout),
         crowded_bytes_per_second: settings.crowded_bytes_per_second,
+        slow: Slow::Any,
         least_wait: Duration::ZERO,
         shrinks: true,
     });

@@ -65,6 +65,8 @@ type Work = fn(&dyn InstanceSource, &Parameters, &ReadLimits, &dyn Observer) -> 
 struct Shared {
     store: Store,
     settings: config::Jobs,
+    /// Of the reconstructions that the service queues itself.
+    own: Parameters,
     limits: ReadLimits,
     metrics: Arc<Metrics>,
     hub: Arc<events::Hub>,
@@ -94,6 +96,7 @@ impl Jobs {
         let shared = Shared {
             store,
             settings: config.jobs.clone(),
+            own: config.pipeline.clone(),
             limits: ReadLimits { memory: config.memory.budget(), ..config.read_limits() },
             metrics,
             hub: Arc::default(),
@@ -140,13 +143,15 @@ impl Jobs {
             detail: wrong.to_string(),
         })?;
         let store = &self.shared.store;
-        let (record, new) = match store.enqueue(series, &parameters, self.shared.settings.max_queued).await {
-            Err(Error::NotReconstructable { uid, reason, .. }) => {
-                let detail = store.unfit_detail(series, self.shared.limits.min_slices).await?;
-                return Err(Error::NotReconstructable { uid, reason, detail });
-            }
-            other => other?,
-        };
+        let own = parameters == self.shared.own;
+        let (record, new) =
+            match store.enqueue_as(series, &parameters, own, self.shared.settings.max_queued).await {
+                Err(Error::NotReconstructable { uid, reason, .. }) => {
+                    let detail = store.unfit_detail(series, self.shared.limits.min_slices).await?;
+                    return Err(Error::NotReconstructable { uid, reason, detail });
+                }
+                other => other?,
+            };
         if new {
             self.shared.wakeup.notify_one();
         }

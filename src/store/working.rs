@@ -22,7 +22,8 @@ impl Store {
     /// Asks for a reconstruction of a complete series. The same instances and parameters again
     /// are the same reconstruction: one that failed or was cancelled is queued again under its id,
     /// with its attempts counted from zero, and so is one whose result is found damaged; any other is
-    /// returned as it is. True if this call queued it.
+    /// returned as it is. True if this call queued it. It waits behind clinical ones, and takes no room
+    /// from them.
     ///
     /// # Errors
     /// No such series, one that is not complete or can't be reconstructed, a full queue
@@ -33,7 +34,21 @@ impl Store {
         parameters: &Parameters,
         max_queued: u64,
     ) -> Result<(ReconstructionRecord, bool)> {
-        let (record, new) = self.0.catalog.enqueue(uid, parameters, max_queued).await?;
+        self.enqueue_as(uid, parameters, false, max_queued).await
+    }
+
+    /// [`Store::enqueue`], of one that is to be a clinical one where it is the service's `own`.
+    ///
+    /// # Errors
+    /// As [`Store::enqueue`].
+    pub(crate) async fn enqueue_as(
+        &self,
+        uid: &SeriesInstanceUid,
+        parameters: &Parameters,
+        own: bool,
+        max_queued: u64,
+    ) -> Result<(ReconstructionRecord, bool)> {
+        let (record, new) = self.0.catalog.enqueue(uid, parameters, own, max_queued).await?;
         if new || !record.state.has_cloud() {
             return Ok((record, new));
         }
@@ -48,7 +63,7 @@ impl Store {
         Ok(remade)
     }
 
-    /// Takes the reconstruction that waited longest and is due, and counts an attempt. `worker`
+    /// Takes the reconstruction that waited longest and is due, clinical ones first, and counts an attempt. `worker`
     /// stands on the row for an operator to read.
     ///
     /// # Errors

@@ -103,7 +103,7 @@ fn who_drips_a_message_is_ended_and_who_pauses_between_messages_is_not() {
 }
 
 #[test]
-fn the_longest_idle_association_of_the_most_crowded_address_gives_way_and_none_within_a_message() {
+fn the_longest_idle_association_of_the_most_crowded_address_gives_way_before_those_within_a_message() {
     let listener = Listener::start(|config| {
         config.dimse.max_associations = 4;
         config.dimse.gives_way_after = Duration::from_millis(200);
@@ -129,4 +129,62 @@ fn the_longest_idle_association_of_the_most_crowded_address_gives_way_and_none_w
     }
     crowd[0].send_pdvs(&[pdv(3, DATA, &[0; 8])]);
     assert_ne!(crowd[0].response().status(), 0, "what it sent is no instance, but it is answered");
+}
+
+#[test]
+fn the_slowest_of_the_most_crowded_address_gives_way_to_one_that_has_none() {
+    let listener = Listener::start(|config| {
+        config.dimse.max_associations = 4;
+        config.dimse.gives_way_after = Duration::from_secs(1);
+    });
+    let within_a_message = |last| {
+        let mut scu = connect_from(&listener, last);
+        accepted(&mut scu);
+        scu.send_pdvs(&[pdv(3, COMMAND, &c_store(1, CT, "1.2.3"))]);
+        scu
+    };
+    let mut quiet = within_a_message(1);
+    let mut crowd: Vec<_> = (0..3).map(|_| within_a_message(2)).collect();
+    std::thread::sleep(Duration::from_millis(1_500));
+    let mut fresh = [3, 4].map(within_a_message);
+    listener.await_metric(r#"triplanar_associations_failed_total{reason="gave_way"} 2"#);
+    // Of those that have one each, none gives way, and none does for an address that has one.
+    for last in [5, 2] {
+        let mut late = connect_from(&listener, last);
+        late.send(&verification().pdu());
+        late.expect_rejection(2, 3, 2);
+    }
+    for scu in std::iter::once(&mut quiet).chain(&mut fresh) {
+        scu.send_pdvs(&[pdv(3, DATA, &[0; 8])]);
+        assert_ne!(scu.response().status(), 0, "what it sent is no instance, but it is answered");
+    }
+    // The third one may go on.
+    let aborted = crowd.iter_mut().map(|scu| {
+        let _gone = std::io::Write::write_all(&mut scu.stream, &pdu(0x04, &pdv(3, DATA, &[0; 8])));
+        scu.receive().is_none_or(|(kind, _)| kind == 0x07)
+    });
+    assert_eq!(aborted.filter(|aborted| *aborted).count(), 2);
+}
+
+#[test]
+fn who_sends_at_an_honest_rate_keeps_its_place() {
+    let listener = Listener::start(|config| {
+        config.dimse.max_associations = 2;
+        config.dimse.gives_way_after = Duration::from_millis(200);
+        config.dimse.crowded_bytes_per_second = 1;
+    });
+    let mut honest = [(); 2].map(|()| {
+        let mut scu = connect_from(&listener, 1);
+        accepted(&mut scu);
+        scu.send_pdvs(&[pdv(3, COMMAND, &c_store(1, CT, "1.2.3")), pdv(3, DATA_PART, &[0; 100_000])]);
+        scu
+    });
+    std::thread::sleep(Duration::from_millis(500));
+    let mut fresh = connect_from(&listener, 2);
+    fresh.send(&verification().pdu());
+    fresh.expect_rejection(2, 3, 2);
+    for scu in &mut honest {
+        scu.send_pdvs(&[pdv(3, DATA, &[0; 8])]);
+        assert_ne!(scu.response().status(), 0, "what it sent is no instance, but it is answered");
+    }
 }

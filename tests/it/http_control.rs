@@ -218,3 +218,27 @@ async fn health_readiness_and_metrics_are_told() {
     }
     assert!(!text.contains("4711") && !text.contains("1.2.3"), "metrics name neither patients nor paths");
 }
+
+#[tokio::test]
+async fn no_operation_takes_a_parameter_that_it_does_not_describe() {
+    let server = Server::start().await;
+    let api = json_of(&server, "/openapi.json").await;
+    let uid = slices(1, 1)[0].series_uid().to_string();
+    let id = "019aa7a0-6f3c-7c1e-9d59-0d1c3a1d1c55";
+    let mut asked = 0;
+    for (path, item) in api["paths"].as_object().unwrap().iter().filter(|(path, _)| path.starts_with("/v1/"))
+    {
+        let path = path.replace("{series}", &uid).replace("{id}", id);
+        let path = path.replace("{plane}", "axial").replace("{picture}", "0.png");
+        for method in
+            item.as_object().unwrap().keys().filter(|key| ["get", "post", "put", "delete"].contains(&&***key))
+        {
+            let method = Method::from_bytes(method.to_uppercase().as_bytes()).unwrap();
+            let response = server.request(method, &format!("{path}?expct=500")).send().await.unwrap();
+            let told = problem(response, 400, "invalid-parameter").await;
+            assert!(told["detail"].as_str().unwrap().contains("`expct`"), "{path}: {told}");
+            asked += 1;
+        }
+    }
+    assert!(asked >= 16, "{asked}");
+}

@@ -19,7 +19,7 @@ async fn connect_from(server: &Server, last: u8) -> TcpStream {
 /// An upload that has begun and goes no further: the server waits for its body.
 async fn begun_upload(mut stream: TcpStream, lines: &str) -> TcpStream {
     let head = format!(
-        "POST /v1/series HTTP/1.1\r\nhost: localhost\r\n{lines}expect: 100-continue\r\ncontent-length: 10000\r\n\r\n"
+        "POST /v1/series HTTP/1.1\r\nhost: localhost\r\n{lines}expect: 100-continue\r\ncontent-length: 10000000\r\n\r\n"
     );
     stream.write_all(head.as_bytes()).await.unwrap();
     let mut answer = [0; 25];
@@ -211,6 +211,33 @@ async fn an_upload_that_keeps_the_least_rate_but_is_slow_loses_its_place_in_a_cr
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
     steady.abort();
+}
+
+#[tokio::test]
+async fn an_address_with_more_than_its_share_of_uploads_must_be_as_many_times_faster() {
+    let server = Server::with(|config| {
+        config.http.max_uploads = 2;
+        config.http.crowded_bytes_per_second = 8_000;
+    })
+    .await;
+    let mut held = tokio::task::JoinSet::new();
+    for _ in 0..2 {
+        let (_reading, mut writing) = begun_upload(connect_from(&server, 1).await, "").await.into_split();
+        held.spawn(async move {
+            // Up to 12 000 bytes a second: enough for one, too slow for two.
+            while writing.write_all(&[b'P'; 600]).await.is_ok() {
+                tokio::time::sleep(Duration::from_millis(50)).await;
+            }
+        });
+    }
+    let fresh = async || server.post("/v1/series").body(zip_of(1, 3)).send().await.unwrap().status();
+    let mut tries = 0;
+    while fresh().await != 202 {
+        tries += 1;
+        assert!(tries < 400, "an address that has none gets a place");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    held.shutdown().await;
 }
 
 #[tokio::test]

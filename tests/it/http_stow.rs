@@ -105,6 +105,44 @@ async fn refused_instances_have_their_failure_reason() {
 }
 
 #[tokio::test]
+async fn a_request_says_how_many_instances_its_series_has_in_all() {
+    let server = Server::start().await;
+    let instances = slices(1, 3);
+    let files: Vec<_> = instances.iter().map(Slice::part10).collect();
+    let parts: Vec<_> = files.iter().map(|file| (DICOM, file.as_slice())).collect();
+    let content_type = "multipart/related; type=\"application/dicom\"; boundary=b";
+    let of_study = "/dicom-web/studies/1.2.826.0.1.3680043.10.9999.7.1";
+    for wrong in ["0", "-1", "abc", "1000001"] {
+        for path in ["/dicom-web/studies", of_study] {
+            let body = related("b", &parts[..1]);
+            let response = store(&server, &format!("{path}?expect={wrong}"), content_type, body).await;
+            problem(response, 400, "invalid-parameter").await;
+        }
+    }
+    let uid = instances[0].series_uid();
+    assert!(server.store.series(&uid).await.unwrap().is_none());
+    let first = store(&server, "/dicom-web/studies?expect=3", content_type, related("b", &parts[..2])).await;
+    answer(first, 200).await;
+    let series = server.store.series(&uid).await.unwrap().unwrap();
+    assert_eq!((series.state.name(), series.expected_instances), ("receiving", Some(3)));
+    let rest = store(&server, &format!("{of_study}?expect=3"), content_type, related("b", &parts[2..])).await;
+    answer(rest, 200).await;
+    assert_eq!(server.store.series(&uid).await.unwrap().unwrap().state.name(), "complete");
+}
+
+#[tokio::test]
+async fn a_parameter_that_is_not_known_is_ignored_with_a_warning() {
+    let server = Server::start().await;
+    let part = Slice::of(1, 1).part10();
+    for (query, warns) in [("", false), ("?expect=2", false), ("?expct=2", true)] {
+        let path = format!("/dicom-web/studies{query}");
+        let response = store(&server, &path, "application/dicom", part.clone()).await;
+        assert_eq!(response.headers().contains_key("warning"), warns, "{query}");
+        answer(response, 200).await;
+    }
+}
+
+#[tokio::test]
 async fn a_request_has_no_more_parts_than_an_archive_files() {
     let server = Server::with(|config| config.http.max_archive_entries = 3).await;
     let content_type = "multipart/related; type=\"application/dicom\"; boundary=b";

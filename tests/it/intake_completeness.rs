@@ -243,6 +243,37 @@ async fn a_full_queue_delays_a_completion_and_loses_none() {
 }
 
 #[tokio::test]
+async fn what_somebody_tries_takes_no_room_and_no_turn_of_the_service_s_own() {
+    let dir = tempdir().unwrap();
+    let mut config = settings(dir.path());
+    config.jobs.max_queued = 3;
+    let entrance = Entrance::open(config).await;
+    let arrives = async |series: u32| {
+        let uid = Slice::of(series, 0).series_uid();
+        entrance.intake.expect(&uid, 4).await.unwrap();
+        entrance.send_all(Uuid::new_v4(), series, series * 10..series * 10 + 4).await;
+        uid
+    };
+    let one = arrives(1).await;
+    let own = entrance.store.claim("w", LEASE).await.unwrap().expect("the first series' job");
+    let attempt = async |leaf_mm| {
+        let other = triplanar::pipeline::Parameters { leaf_mm, ..entrance.config.pipeline.clone() };
+        entrance.store.enqueue(&one, &other, 3).await
+    };
+    for leaf_mm in [2.0, 2.1, 2.2] {
+        attempt(leaf_mm).await.unwrap();
+    }
+    assert!(matches!(attempt(2.3).await.unwrap_err(), Error::Busy(_)));
+    let two = arrives(2).await;
+    assert_eq!(entrance.series(2).await.state, SeriesState::Complete, "the queue has room for it");
+    let next = entrance.store.claim("w", LEASE).await.unwrap().unwrap();
+    assert_eq!(next.reconstruction.series_instance_uid, two, "it is run first");
+    let tried = entrance.store.claim("w", LEASE).await.unwrap().unwrap();
+    assert_eq!(tried.reconstruction.series_instance_uid, one);
+    assert_ne!(tried.lease.id, own.lease.id);
+}
+
+#[tokio::test]
 async fn lists_go_page_by_page_newest_first() {
     let dir = tempdir().unwrap();
     let entrance = Entrance::open(settings(dir.path())).await;

@@ -119,7 +119,7 @@ async fn what_came_again_with_other_bytes_is_compared_within_the_budget() {
     let entrance = Entrance::within(settings(dir.path()), small.clone()).await;
     entrance.upload(Uuid::new_v4(), &plain).await.expect("nothing is compared");
     let refused = entrance.upload(Uuid::new_v4(), &swollen).await.unwrap_err();
-    assert_eq!(refused.mapping().code, "incomparable-instance", "{refused}");
+    assert_eq!(refused.mapping().code, "too-large-to-compare", "{refused}");
     assert!(refused.to_string().contains("memory.budget_bytes"), "{refused}");
     assert_eq!(small.used(), 0);
     entrance.stop().await;

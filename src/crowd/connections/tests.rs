@@ -17,6 +17,7 @@ fn limits(max: usize, max_per_peer: usize) -> Limits {
         names: ["all", "one"],
         patience,
         crowded_bytes_per_second: 65_536,
+        slow: Slow::Any,
         least_wait,
         shrinks: true,
     }

@@ -45,7 +45,6 @@ impl CloudPlane {
 
 /// Which cloud, and how it is written.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
-#[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(in crate::http) struct CloudQuery {
     /// The file format; without it, `Accept` chooses.
@@ -67,7 +66,6 @@ pub(in crate::http) struct CloudQuery {
 
 /// The same of a series.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
-#[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(in crate::http) struct SeriesCloudQuery {
     /// `current`: 409 with Retry-After unless the clinical reconstruction is of the latest revision.

@@ -88,7 +88,6 @@ fn overlay(below: &mut Value, above: Value) -> Result<()> {
 
 /// Which reconstructions, and which page of them.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
-#[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(in crate::http) struct ReconstructionQuery {
     /// Of this series.

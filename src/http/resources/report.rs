@@ -60,7 +60,6 @@ pub(in crate::http) async fn reconstruction_report(
 
 /// Which revision of a series.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
-#[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(in crate::http) struct RevisionQuery {
     /// `current`: 409 with Retry-After unless the clinical reconstruction is of the latest revision.

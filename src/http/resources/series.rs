@@ -23,7 +23,6 @@ fn checked_length(name: &str, text: Option<&str>, most: usize) -> Result<()> {
 
 /// Which series, and which page of them.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
-#[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(in crate::http) struct SeriesQuery {
     /// Exactly this Patient ID (0010,0020).

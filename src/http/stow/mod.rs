@@ -11,14 +11,15 @@ use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::Response;
 use bytes::{Bytes, BytesMut};
+use serde::Deserialize;
 
 use super::Context;
 use super::client::Client;
-use super::extract::StudyPath;
+use super::extract::{Parameters, StudyPath};
 use super::identity::Identity;
 use super::media_type::{MediaType, negotiate};
 use super::multipart::Multipart;
-use super::upload::{Arriving, Budget, Finished, Session, Source, admit};
+use super::upload::{Arriving, Budget, Finished, Session, Source, admit, checked, note_expected};
 use crate::dicom::uid::StudyInstanceUid;
 use crate::error::{Error, Result};
 
@@ -28,15 +29,28 @@ const DICOM_JSON: &str = "application/dicom+json";
 /// So many bytes hold the file meta information.
 const HEAD: usize = 2048;
 
+/// What the query of a Store transaction says (PS3.18 section 8.3 lets a service define its own).
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct StoreQuery {
+    /// Instances that each series of the request has in all, those that other requests send among them; at
+    /// most `intake.max_series_instances`. With it, a series is complete when it has so many; without it, when nothing more came for the short
+    /// quiet time.
+    #[param(minimum = 1, example = 145)]
+    expect: Option<u64>,
+}
+
 /// Store instances (STOW-RS)
 ///
 /// 200: all are stored and durable; 202: some were refused; 409: all were. The answer lists each
-/// instance, and for a refused one the failure reason (the status that C-STORE gives).
+/// instance, and for a refused one the failure reason (the status that C-STORE gives). A query parameter that
+/// is not known is ignored, as PS3.18 wants it, and the header Warning says so.
 #[utoipa::path(
     post,
     path = "/dicom-web/studies",
     operation_id = "storeInstances",
     tag = "DICOMweb",
+    params(StoreQuery),
     request_body(description = "Part 10 files.", content(
         (Vec<u8> = "multipart/related; type=\"application/dicom\""),
         (Vec<u8> = "application/dicom"),
@@ -56,11 +70,12 @@ const HEAD: usize = 2048;
 )]
 pub(super) async fn store_instances(
     State(context): State<Context>,
+    Parameters(query): Parameters<StoreQuery>,
     Extension(client): Extension<Client>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response> {
-    store(&context, &client, None, &headers, body).await
+    store(&context, &client, None, &query, &headers, body).await
 }
 
 /// Store instances of one study (STOW-RS)
@@ -71,7 +86,7 @@ pub(super) async fn store_instances(
     path = "/dicom-web/studies/{study}",
     operation_id = "storeInstancesOfStudy",
     tag = "DICOMweb",
-    params(("study" = StudyInstanceUid, Path, description = "Study Instance UID.")),
+    params(("study" = StudyInstanceUid, Path, description = "Study Instance UID."), StoreQuery),
     request_body(description = "Part 10 files.", content(
         (Vec<u8> = "multipart/related; type=\"application/dicom\""),
         (Vec<u8> = "application/dicom"),
@@ -92,11 +107,12 @@ pub(super) async fn store_instances(
 pub(super) async fn store_instances_of_study(
     State(context): State<Context>,
     StudyPath(study): StudyPath,
+    Parameters(query): Parameters<StoreQuery>,
     Extension(client): Extension<Client>,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response> {
-    store(&context, &client, Some(study), &headers, body).await
+    store(&context, &client, Some(study), &query, &headers, body).await
 }
 
 /// What is stored of one request.
@@ -111,9 +127,11 @@ async fn store(
     context: &Context,
     client: &Client,
     study: Option<StudyInstanceUid>,
+    query: &StoreQuery,
     headers: &HeaderMap,
     body: Body,
 ) -> Result<Response> {
+    let expect = checked(query.expect, &context.config.intake)?;
     // Some clients name the media type of a multipart answer's parts; JSON is what there is.
     if negotiate(headers, &[DICOM_JSON, "application/json"]).is_none() {
         return Err(Error::NotAcceptable(DICOM_JSON));
@@ -146,6 +164,7 @@ async fn store(
         }
     }
     let Finished { id, outcomes, end } = storing.session.finish().await?;
+    note_expected(context, &outcomes, expect).await?;
     // A PACS may store a series in many requests: the quiet time tells the last one.
     context.intake.sender_ended(id, end).await?;
     if outcomes.is_empty() {

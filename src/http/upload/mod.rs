@@ -53,12 +53,11 @@ const SINGLE_BODIES: [&str; 9] = [
 
 /// What the query of an upload says.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
-#[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct UploadQuery {
-    /// Instances that each series of the upload has in all, at most `intake.max_series_instances`. With it, a series is complete when it
-    /// has so many; without it, at the end of the upload (after a single slice: when nothing more
-    /// came for the short quiet time).
+    /// Instances that each series of the upload has in all, at most `intake.max_series_instances`. With it, a
+    /// series is complete when it has so many; without it, at the end of the upload (after a single slice: when
+    /// nothing more came for the short quiet time).
     #[param(minimum = 1, example = 145)]
     expect: Option<u64>,
 }
@@ -106,10 +105,7 @@ pub(super) async fn upload_series(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response> {
-    if let Some(expect) = query.expect {
-        check_expected(expect, &context.config.intake)
-            .map_err(|detail| Error::InvalidParameter { name: "expect".to_owned(), detail })?;
-    }
+    let expect = checked(query.expect, &context.config.intake)?;
     let media_type = MediaType::of_request(&headers);
     let essence = media_type.as_ref().map(|it| it.essence().to_owned());
     let (incoming, place) = admit(&context, &client, &headers, body)?;
@@ -128,7 +124,7 @@ pub(super) async fn upload_series(
         }
         _ => receive::whole(&context, upload, incoming).await?,
     };
-    finish(&context, received, query.expect).await
+    finish(&context, received, expect).await
 }
 
 /// What a browser's form holds. Every part with a file name is a file; other parts are ignored.
@@ -167,11 +163,7 @@ async fn finish(context: &Context, received: Received, expect: Option<u64>) -> R
         tracing::warn!(upload = %id, reason = ?file.reason, "a file is empty or zeroed where its fellows are instances");
         context.intake.lacks(id, None);
     }
-    if let Some(expect) = expect {
-        for series in series_of(&outcomes) {
-            context.intake.expect(&series, expect).await?;
-        }
-    }
+    note_expected(context, &outcomes, expect).await?;
     let uids = if end != SenderEnd::UploadEnded || (expect.is_none() && is_lone_slice(&outcomes)) {
         context.intake.sender_ended(id, end).await?;
         series_of(&outcomes).into_iter().collect()
@@ -183,6 +175,31 @@ async fn finish(context: &Context, received: Received, expect: Option<u64>) -> R
         series.extend(uploaded_series(context, &uid).await?);
     }
     Ok(Tally::of(outcomes, skipped).answer(series))
+}
+
+/// The number of instances that a request announces, if it can be one.
+///
+/// # Errors
+/// [`Error::InvalidParameter`].
+pub(super) fn checked(expect: Option<u64>, limits: &config::Intake) -> Result<Option<u64>> {
+    let invalid = |detail| Error::InvalidParameter { name: "expect".to_owned(), detail };
+    expect.map(|expect| check_expected(expect, limits).map(|()| expect).map_err(invalid)).transpose()
+}
+
+/// Notes the announced number for each series of the request.
+///
+/// # Errors
+/// The catalog's.
+pub(super) async fn note_expected(
+    context: &Context,
+    outcomes: &[Outcome],
+    expect: Option<u64>,
+) -> Result<()> {
+    let Some(expect) = expect else { return Ok(()) };
+    for series in series_of(outcomes) {
+        context.intake.expect(&series, expect).await?;
+    }
+    Ok(())
 }
 
 /// One instance of one frame is no series: the rest comes in requests of its own, and the short

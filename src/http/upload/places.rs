@@ -10,7 +10,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::session::AT_A_TIME;
 use crate::config;
-use crate::crowd::Peer;
+use crate::crowd::{Peer, least_rate};
 use crate::error::{Error, Result};
 use crate::memory::{Memory, Share};
 
@@ -100,6 +100,7 @@ impl Uploads {
         }
         if open.len() >= self.max {
             self.displace(&mut open, |_| true)
+                .or_else(|| self.displace_of_the_crowded(&mut open, peer))
                 .ok_or(Error::Busy("as many uploads as http.max_uploads allows are being received"))?;
         }
         let id = self.next.fetch_add(1, Ordering::Relaxed);
@@ -117,25 +118,49 @@ impl Uploads {
 
     /// Ends the slowest of those that are too slow.
     fn displace(&self, open: &mut HashMap<u64, Arc<Upload>>, of: impl Fn(&Upload) -> bool) -> Option<()> {
-        let rate = |upload: &Upload| {
-            upload.received.load(Ordering::Relaxed) as f64 / upload.begun.elapsed().as_secs_f64()
-        };
-        let slow = open.iter().filter(|(_, it)| {
-            of(it)
-                && !it.whole.load(Ordering::Relaxed)
-                && it.begun.elapsed() >= MEASURED
-                && rate(it) < self.crowded_bytes_per_second as f64
+        let slow = open.iter().filter(|(_, it)| of(it)).filter_map(|(id, it)| {
+            let rate = it.rate().filter(|rate| *rate < self.crowded_bytes_per_second)?;
+            Some((rate, *id))
         });
-        let (id, _) = slow.min_by(|(_, a), (_, b)| rate(a).total_cmp(&rate(b)))?;
-        let id = *id;
-        let upload = open.remove(&id)?;
-        upload.displaced.cancel();
-        tracing::warn!("an upload that was too slow lost its place to another");
-        Some(())
+        let (_, id) = slow.min()?;
+        end(open, id)
+    }
+
+    /// For a peer that has none: ends the slowest of the address that has the most and more than its share,
+    /// if that is too slow for so many.
+    fn displace_of_the_crowded(&self, open: &mut HashMap<u64, Arc<Upload>>, newcomer: Peer) -> Option<()> {
+        let mut of_peer = HashMap::<Peer, usize>::new();
+        for upload in open.values() {
+            *of_peer.entry(upload.peer).or_default() += 1;
+        }
+        if of_peer.contains_key(&newcomer) {
+            return None;
+        }
+        let slow = open.iter().filter_map(|(id, it)| {
+            let places = of_peer.get(&it.peer).copied().filter(|places| *places > 1)?;
+            let least = least_rate(self.crowded_bytes_per_second, places, self.max, of_peer.len() + 1);
+            let rate = it.rate().filter(|rate| *rate < least)?;
+            Some((std::cmp::Reverse(places), rate, *id))
+        });
+        let (.., id) = slow.min()?;
+        end(open, id)
     }
 }
 
+fn end(open: &mut HashMap<u64, Arc<Upload>>, id: u64) -> Option<()> {
+    open.remove(&id)?.displaced.cancel();
+    tracing::warn!("an upload that was too slow lost its place to another");
+    Some(())
+}
+
 impl Upload {
+    /// Bytes a second that came, if more are to come and it has been measured for long enough.
+    fn rate(&self) -> Option<u64> {
+        let measured = self.begun.elapsed();
+        let slow = !self.whole.load(Ordering::Relaxed) && measured >= MEASURED;
+        slow.then(|| (self.received.load(Ordering::Relaxed) as f64 / measured.as_secs_f64()) as u64)
+    }
+
     /// So many bytes of its body came.
     pub(in crate::http) fn received(&self, bytes: usize) {
         self.received.fetch_add(bytes as u64, Ordering::Relaxed);

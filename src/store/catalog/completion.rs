@@ -111,6 +111,7 @@ async fn end(
                 set: &set,
                 instances: signed(headers.len() as u64),
                 parameters: &policy.parameters,
+                own: true,
             };
             match queue::enqueue(connection, &wanted, policy.max_queued, now).await? {
                 Enqueued::Queued(id) => End::Reconstruction { id, queued: true },

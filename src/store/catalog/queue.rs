@@ -21,6 +21,8 @@ pub(super) struct Wanted<'a> {
     pub(super) set: &'a [u8; 32],
     pub(super) instances: i64,
     pub(super) parameters: &'a Parameters,
+    /// By the service itself: a clinical one.
+    pub(super) own: bool,
 }
 
 /// What became of the wish.
@@ -33,12 +35,20 @@ pub(super) enum Enqueued {
     Full,
 }
 
+/// Of the rows of reconstructions, the clinical ones; they are run before what somebody tries.
+macro_rules! clinical {
+    () => {
+        "(queued_for IS NOT NULL OR chosen_for IS NOT NULL)"
+    };
+}
+
 impl Catalog {
     /// See `Store::enqueue`.
     pub(crate) async fn enqueue(
         &self,
         uid: &SeriesInstanceUid,
         parameters: &Parameters,
+        own: bool,
         max_queued: u64,
     ) -> Result<(ReconstructionRecord, bool)> {
         let mut tx = self.begin().await?;
@@ -59,6 +69,7 @@ impl Catalog {
             set: &set,
             instances: super::instances::signed(record.instances),
             parameters,
+            own,
         };
         let (id, queued) = match enqueue(&mut tx, &wanted, max_queued, now_ms()).await? {
             Enqueued::Queued(_) if record.instances == 0 => return Err(Error::SourceRemoved),
@@ -83,7 +94,8 @@ impl Catalog {
         max_queued: u64,
     ) -> Result<(ReconstructionRecord, bool)> {
         let mut tx = self.begin().await?;
-        if count_queued(&mut tx).await? >= super::instances::signed(max_queued) {
+        let clinical = is_clinical(&mut tx, id).await?;
+        if is_full(&mut tx, clinical, max_queued).await? {
             return Err(Error::Busy("the queue of reconstructions is full (jobs.max_queued)"));
         }
         let named: Option<String> = sqlx::query_scalar(
@@ -108,14 +120,14 @@ impl Catalog {
         let now = now_ms();
         let mut tx = self.begin().await?;
         let row = sqlx::query(
-            "UPDATE reconstructions SET state = 'running', attempts = attempts + 1, fence = fence + 1, worker = $1, \
+            concat!("UPDATE reconstructions SET state = 'running', attempts = attempts + 1, fence = fence + 1, worker = $1, \
              lease_until_ms = $2, started_ms = $3, stage = NULL, fraction = 0.0, cancel_requested = FALSE \
              WHERE id = (SELECT id FROM reconstructions WHERE state = 'queued' \
                          AND (not_before_ms <= $3 OR not_before_ms > $3 + wait_ms) \
                          AND NOT EXISTS (SELECT 1 FROM series s WHERE s.series_uid = reconstructions.series_uid \
                                          AND s.identity_changing IS NOT NULL) \
-                         ORDER BY not_before_ms, id LIMIT 1) \
-             RETURNING *",
+                         ORDER BY CASE WHEN ", clinical!(), " THEN 0 ELSE 1 END, not_before_ms, id LIMIT 1) \
+             RETURNING *"),
         )
         .bind(worker)
         .bind(now + milliseconds(lease))
@@ -194,7 +206,11 @@ pub(super) async fn enqueue(
         }
         Some(record) => return Ok(Enqueued::Existing(record.id)),
     };
-    if count_queued(connection).await? >= super::instances::signed(max_queued) {
+    let clinical = match again {
+        Some(id) => wanted.own || is_clinical(connection, id).await?,
+        None => wanted.own,
+    };
+    if is_full(connection, clinical, max_queued).await? {
         return Ok(Enqueued::Full);
     }
     if let Some(id) = again {
@@ -261,6 +277,24 @@ async fn fail_unreadable(connection: &mut Connection, id: &str, why: &Error, now
     .execute(connection)
     .await?;
     Ok(())
+}
+
+/// Whether it is, or was, one that a series' own cloud comes from: by the service, or chosen.
+async fn is_clinical(connection: &mut Connection, id: ReconstructionId) -> Result<bool> {
+    let sql = concat!("SELECT COUNT(*) FROM reconstructions WHERE id = $1 AND ", clinical!());
+    Ok(sqlx::query_scalar::<_, i64>(sql).bind(id.to_string()).fetch_one(connection).await? > 0)
+}
+
+/// Whether there is no room for one more. What somebody tries takes none from clinical ones, of which there
+/// may be `max_queued` whatever else waits.
+async fn is_full(connection: &mut Connection, clinical: bool, max_queued: u64) -> Result<bool> {
+    let queued = if clinical {
+        let sql = concat!("SELECT COUNT(*) FROM reconstructions WHERE state = 'queued' AND ", clinical!());
+        sqlx::query_scalar(sql).fetch_one(connection).await?
+    } else {
+        count_queued(connection).await?
+    };
+    Ok(queued >= super::instances::signed(max_queued))
 }
 
 async fn count_queued(connection: &mut Connection) -> Result<i64> {
