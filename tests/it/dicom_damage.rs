@@ -108,6 +108,65 @@ fn a_slice_that_is_zero_from_a_row_on_is_refused_by_name() {
     }
 }
 
+/// The pixels of some slices, each row moved to the right by so many pixels, what leaves it comes in
+/// again.
+fn aside(files: &mut [Vec<u8>], slices: std::ops::Range<usize>, moved: usize) {
+    for slice in slices {
+        pixels(files, slice).chunks_exact_mut(2 * SIDE).for_each(|row| row.rotate_right(2 * moved));
+    }
+}
+
+#[test]
+fn a_run_of_damaged_slices_is_told_however_long() {
+    for run in [30..34, 30..36, 30..45] {
+        // Columns lost: refused.
+        let mut files = head().files.clone();
+        for slice in run.clone() {
+            pixels(&mut files, slice).chunks_exact_mut(2 * SIDE).for_each(|row| row[SIDE * 6 / 5..].fill(0));
+        }
+        let dir = tempfile::tempdir().expect("a folder");
+        let (code, text, _) = reconstruct(dir.path(), &files, "precise");
+        assert_eq!(code, Some(4), "{run:?}: {text}");
+        assert!(text.contains("inconsistent_levels"), "{text}");
+        assert!(text.contains(&sop_instance_uid(&files[run.start])), "{text}");
+        // Moved by 9 mm: told of each.
+        let mut files = head().files.clone();
+        aside(&mut files, run.clone(), 6);
+        let dir = tempfile::tempdir().expect("a folder");
+        let (code, text, report) = reconstruct(dir.path(), &files, "precise");
+        if code == Some(4) {
+            assert!(text.contains("inconsistent_levels"), "{text}");
+            continue;
+        }
+        let told = doubtful_rows(&report);
+        let of = |slice: usize| {
+            let uid = sop_instance_uid(&files[slice]);
+            told.iter().any(|rows| rows["sop_instance_uid"] == uid.as_str())
+        };
+        assert!(run.clone().all(of), "{run:?}: {told:?}");
+    }
+}
+
+#[test]
+fn a_patient_who_moved_far_and_stayed_is_told() {
+    for moved in [5, 8, 12] {
+        let mut files = head().files.clone();
+        aside(&mut files, 37..head().files.len(), moved);
+        let dir = tempfile::tempdir().expect("a folder");
+        let (code, text, report) = reconstruct(dir.path(), &files, "precise");
+        assert_eq!(code, Some(0), "{text}");
+        let told = doubtful_rows(&report);
+        let shift = told.iter().find(|rows| rows["doubt"] == "shift").expect("a shift");
+        // One beside the movement: which, is told by the order of the places.
+        let beside = [36, 37].map(|slice| Value::from(sop_instance_uid(&files[slice])));
+        assert!(beside.contains(&shift["sop_instance_uid"]), "{shift}");
+        let mm = shift["measured"].as_f64().expect("mm");
+        assert!((mm - 1.5 * moved as f64).abs() < 1.5, "{moved} pixels of 1.5 mm are told as {mm} mm");
+        let doubts = report["quality"]["doubts"].to_string();
+        assert!(doubts.contains("inconsistent_levels"), "{doubts}");
+    }
+}
+
 #[test]
 fn exchanged_slices_are_refused_and_both_named() {
     let mut files = head().files.clone();

@@ -53,6 +53,11 @@ pub struct DoubtfulRows {
 pub enum RowsDoubt {
     /// Air and tissue lie elsewhere: measured in ordinary changes from slice to slice.
     Place,
+    /// The same in a run of slices side by side, from the first to the last of which each is named:
+    /// measured in ordinary changes from slice to slice.
+    Run,
+    /// All lies aside from one slice to the next, as of a patient who moved: mm. Told of the second one.
+    Shift,
     /// Two slices are more alike with their neighbours if exchanged: gain, 0 to 1.
     Order,
     /// Something begins or ends with a row: columns that change at once.

@@ -12,13 +12,15 @@
 //! | patches of values that the neighbours have nowhere near | [`patches`] | noise, broken code blocks |
 //! | level of air and of soft tissue in a band of rows | [`levels`] | offsets |
 //! | levels that change from a slice to the next and stay there | [`steps`] | a wrong rescale in half of the slices |
+//! | changes that are undone some slices on, or that a shift explains | [`lasting`] | long runs, a patient who moved |
 //! | rows of one value at the ends, pixels there twice | [`constant`] | cut off, filled up, sent twice |
 //!
-//! Two or three damaged slices side by side are compared with those around them. The voxels are only
-//! looked at.
+//! Two or three damaged slices side by side are compared with those around them, longer runs found by
+//! their first and last slices. The voxels are only looked at.
 
 mod constant;
 mod jumps;
+mod lasting;
 mod levels;
 mod limit;
 mod patches;
@@ -67,6 +69,10 @@ const AROUND: [(usize, usize); 6] = [(1, 1), (1, 2), (2, 1), (1, 3), (2, 2), (3,
 pub(super) enum Kind {
     /// Air and tissue lie elsewhere than in the slices before and after.
     Place,
+    /// From a slice to another, air and tissue lie elsewhere than before and after.
+    Run,
+    /// From a slice on all lies aside.
+    Shift,
     /// Two slices fit better if exchanged.
     Order,
     /// Something begins or ends with a row.
@@ -95,7 +101,7 @@ pub(super) struct Finding {
     pub(super) kind: Kind,
     /// Rows of the image that it was found in, counted from 0.
     pub(super) rows: Range<usize>,
-    /// Share of the ordinary change (`Place`, `Order`), columns (`Jump`), pixels (`Patch`), HU (`Air`,
+    /// Share of the ordinary change (`Place`, `Run`, `Order`), mm (`Shift`), columns (`Jump`), pixels (`Patch`), HU (`Air`,
     /// `Tissue`, `Step`), rows (`Constant`), pixels (`Repeated`), bytes (`Stream`).
     pub(super) measured: f64,
     /// The most that the series itself allows, in the same unit.
@@ -107,6 +113,7 @@ pub(super) struct Finding {
 /// What one slice tells alone.
 struct Summary {
     tissue: Vec<u64>,
+    cells: lasting::Cells,
     jumps: Vec<u32>,
     blocks: patches::Blocks,
     ends: constant::Ends,
@@ -144,6 +151,7 @@ fn between_neighbours(stack: &Stack<'_>, observer: &dyn Observer) -> Vec<Finding
         let slice = stack.slice(z);
         (!observer.cancelled()).then(|| Summary {
             tissue: place::tissue(&slice, stack.columns),
+            cells: lasting::Cells::of(&slice, stack),
             jumps: jumps::of(&slice, stack.columns),
             blocks: patches::Blocks::of(&slice, stack),
             ends: constant::Ends::of(&slice, stack.columns),
@@ -169,6 +177,8 @@ fn between_neighbours(stack: &Stack<'_>, observer: &dyn Observer) -> Vec<Finding
     let (patches, shifts): (Vec<Patch>, Vec<_>) = compared.into_iter().flatten().unzip();
     let asked = Asked::of(observer);
     let mut found = place::find(asked, stack, summaries);
+    asked.ask();
+    found.extend(lasting::find(asked, stack, summaries));
     asked.ask();
     found.extend(jumps::find(asked, stack, summaries));
     asked.ask();

@@ -72,12 +72,16 @@ impl Differences {
     /// damaged slices, which raise six of twelve, don't raise it. At least the middle one of all: where
     /// little changes, a thing that begins is much.
     fn ordinary(&self, z: usize) -> f64 {
-        let steps = &self.apart[0];
-        let first = z.saturating_sub(WINDOW).min(steps.len().saturating_sub(2 * WINDOW));
-        let mut near = steps[first..steps.len().min(first + 2 * WINDOW)].to_vec();
-        let rank = near.len() * 4 / 10;
-        near.select_nth_unstable_by(rank, f64::total_cmp).1.max(self.middle)
+        ordinary(&self.apart[0], z).max(self.middle)
     }
+}
+
+/// That of which 40 of 100 of the `steps` near `z` are smaller.
+pub(super) fn ordinary(steps: &[f64], z: usize) -> f64 {
+    let first = z.saturating_sub(WINDOW).min(steps.len().saturating_sub(2 * WINDOW));
+    let mut near = steps[first..steps.len().min(first + 2 * WINDOW)].to_vec();
+    let rank = near.len() * 4 / 10;
+    *near.select_nth_unstable_by(rank, f64::total_cmp).1
 }
 
 pub(super) fn find(asked: Asked<'_>, stack: &Stack<'_>, summaries: &[Summary]) -> Vec<Finding> {

@@ -57,6 +57,8 @@ fn rows(finding: &Finding, slices: &[Slice]) -> DoubtfulRows {
         last_row: finding.rows.end,
         doubt: match finding.kind {
             Kind::Place => RowsDoubt::Place,
+            Kind::Run => RowsDoubt::Run,
+            Kind::Shift => RowsDoubt::Shift,
             Kind::Order => RowsDoubt::Order,
             Kind::Jump => RowsDoubt::Jump,
             Kind::Patch => RowsDoubt::Patch,
@@ -97,6 +99,17 @@ fn described(finding: &Finding, slices: &[Slice]) -> String {
         Kind::Place => {
             format!(
                 "air and tissue change {measured:.1} times as much as from slice to slice and back, limit {limit:.1}"
+            )
+        }
+        Kind::Run => {
+            format!(
+                "with slices beside it, it changes air and tissue {measured:.1} times as much as from slice to \
+                 slice, and the next slices change them back, limit {limit:.1}"
+            )
+        }
+        Kind::Shift => {
+            format!(
+                "from here on all lies {measured:.0} mm aside, limit {limit:.0} mm: the patient has moved"
             )
         }
         Kind::Order => {
