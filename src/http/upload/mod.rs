@@ -27,6 +27,7 @@ use super::multipart::Multipart;
 use super::refused::{SkipReason, Skipped};
 use super::resources::check_expected;
 use super::views::{ReconstructionView, SeriesView};
+use crate::config;
 use crate::dicom::uid::SeriesInstanceUid;
 use crate::error::{Error, Result};
 use crate::store::{ReconstructionFilter, SenderEnd};
