@@ -16,6 +16,13 @@ pub(crate) fn smallest_eigenvector(matrix: [Vec3; 3]) -> Vec3 {
     vectors.map(|row| row[smallest])
 }
 
+/// Eigenvalues of a symmetric matrix, ascending.
+pub(crate) fn eigenvalues(matrix: [Vec3; 3]) -> Vec3 {
+    let (mut values, _) = symmetric_eigen(matrix);
+    values.sort_by(f64::total_cmp);
+    values
+}
+
 /// Eigenvalues, and a matrix of which each column is the unit eigenvector of the eigenvalue in its
 /// place, by Jacobi's rotations.
 fn symmetric_eigen<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {

@@ -9,7 +9,7 @@ mod grid;
 mod plane;
 mod vector;
 
-pub(crate) use eigen::{leading_eigenvector, smallest_eigenvector};
+pub(crate) use eigen::{eigenvalues, leading_eigenvector, smallest_eigenvector};
 pub use frame::Frame;
 pub use grid::{Axis, Grid};
 pub use plane::{Plane, PlaneSet};

@@ -63,7 +63,7 @@ impl Profile {
     pub fn algorithm(self) -> &'static str {
         match self {
             Self::Paper => "paper/1",
-            Self::Precise => "precise/1",
+            Self::Precise => "precise/2",
         }
     }
 }

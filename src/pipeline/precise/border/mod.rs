@@ -18,6 +18,7 @@ pub(crate) mod split;
 use super::labels::Labels;
 use super::labels::head::Head;
 use super::labels::patient::Patient;
+use super::labels::slender::Slender;
 use super::no_skin::NoSkin;
 use super::scan::Scan;
 use super::scan::edge_spread::EdgeSpread;
@@ -43,6 +44,8 @@ pub(crate) struct Border {
     pub(crate) rejected: Vec<Rejected>,
     /// How wide the scan shows an edge.
     pub(crate) edge_spread: EdgeSpread,
+    /// What is as slender as a cord.
+    pub(crate) slender: Slender,
 }
 
 impl Border {
@@ -55,7 +58,7 @@ impl Border {
         let asked = sampler.asked();
         let (mut candidates, mut rejected) = candidates::find(scan, &labels, rules);
         // Nobody asks for the air any more, and it is large.
-        let Labels { patient, head, .. } = labels;
+        let Labels { patient, head, slender, .. } = labels;
         if candidates.is_empty() {
             return Err(NoSkin::NoBorder);
         }
@@ -78,6 +81,6 @@ impl Border {
         }
         sampler.ask();
         let with_between = between.map(|between| between.fill(sampler, &seen));
-        Ok(Self { patient, head, seen, with_between, rejected, edge_spread })
+        Ok(Self { patient, head, seen, with_between, rejected, edge_spread, slender })
     }
 }

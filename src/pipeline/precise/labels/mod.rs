@@ -10,13 +10,17 @@ pub(crate) mod head;
 pub(crate) mod label;
 pub(crate) mod outside;
 pub(crate) mod patient;
+pub(crate) mod slender;
 
 use super::no_skin::NoSkin;
 use super::scan::Scan;
 use crate::observer::Stage;
+use air::Air;
 use head::Head;
+use label::Label;
 use outside::Outside;
 use patient::Patient;
+use slender::{OF_LEDGE_MM, Slender};
 
 /// Less soft tissue within bone than this is no head, cm³.
 const LEAST_BRAIN_CM3: f64 = 200.0;
@@ -30,6 +34,8 @@ pub(crate) struct Labels {
     pub(crate) head: Head,
     /// Which air is outside, and which a canal.
     pub(crate) outside: Outside,
+    /// What is as slender as a cord.
+    pub(crate) slender: Slender,
 }
 
 impl Labels {
@@ -47,6 +53,10 @@ impl Labels {
         let asked = scan.sampler.asked();
         let outside = Outside::find(asked, &patient.survey, &patient.labels, &patient.field_border);
         scan.tell(Stage::Outside, 1.0);
-        Ok(Self { patient, head, outside })
+        let (labels, air) = (&patient.labels, outside.air());
+        let solid =
+            |i: usize| matches!(labels[i], Label::Patient | Label::Attached) || air[i] == Air::Enclosed;
+        let slender = Slender::find(&scan.sampler, patient.survey.cells, OF_LEDGE_MM, solid);
+        Ok(Self { patient, head, outside, slender })
     }
 }

@@ -95,6 +95,11 @@ impl Open {
     pub(crate) fn is_open(&self, cell: usize) -> bool {
         self.open[cell] == Air::Open
     }
+
+    /// Whether a survey cell is air that the patient encloses.
+    pub(crate) fn is_enclosed(&self, cell: usize) -> bool {
+        self.open[cell] == Air::Enclosed
+    }
 }
 
 /// What a ball reaches from the sides of the scan past what is solid.

@@ -9,6 +9,7 @@ use super::devices::{parts, sheets};
 use super::field_border::FieldBorder;
 use super::label::Label;
 use super::outside::Open;
+use super::slender::{OF_CORD_MM, Slender};
 use crate::geometry::{Vec3, scale};
 use crate::pipeline::precise::grid::cells::Cells;
 use crate::pipeline::precise::grid::reach::within;
@@ -56,6 +57,13 @@ impl Patient {
         sampler.ask();
         let (asked, cells) = (sampler.asked(), survey.cells);
         let open = Open::find(asked, &survey, &labels, &field_border);
+        sampler.ask();
+        let solid = |i: usize| labels[i] == Label::Patient || open.is_enclosed(i);
+        let slender = Slender::find(sampler, cells, OF_CORD_MM, solid);
+        for i in slender.cords(asked, |i| labels[i] == Label::Patient) {
+            labels[i] = Label::Attached;
+        }
+        drop(slender);
         sampler.ask();
         sheets::peel(sampler, levels, &cells, &mut labels, |i| open.is_open(i));
         sampler.ask();

@@ -56,14 +56,21 @@ impl Verdicts {
     /// Takes out of the border what lies under something.
     pub(crate) fn of(scan: &Scan<'_>, border: Border) -> Self {
         let Scan { sampler, levels, .. } = scan;
-        let Border { patient, head, seen: mut accepted, mut with_between, mut rejected, edge_spread } =
-            border;
+        let Border {
+            patient,
+            head,
+            seen: mut accepted,
+            mut with_between,
+            mut rejected,
+            edge_spread,
+            slender,
+        } = border;
         let of_canals = rejected.iter().filter(|one| one.reason == StretchReason::Canal);
         let canals: Vec<Vec3> = of_canals.map(|one| one.place).collect();
         let near_foreign = |place| patient.is_near_foreign(place);
         let all = with_between.as_ref().unwrap_or(&accepted);
         sampler.ask();
-        let covered = Covered::of(sampler, levels, all, &canals, near_foreign);
+        let covered = Covered::of(sampler, levels, all, &canals, &slender, near_foreign);
         sampler.ask();
         rejected.extend(covered.take(sampler, &mut accepted));
         if let Some(all) = &mut with_between {

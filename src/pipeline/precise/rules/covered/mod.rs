@@ -8,6 +8,7 @@ use crate::geometry::Vec3;
 use crate::pipeline::precise::border::crossing::Crossing;
 use crate::pipeline::precise::border::rejected::Rejected;
 use crate::pipeline::precise::grid::cubes::key;
+use crate::pipeline::precise::labels::slender::Slender;
 use crate::pipeline::precise::reason::StretchReason;
 use crate::pipeline::precise::scan::levels::Levels;
 use crate::pipeline::precise::scan::sampler::Sampler;
@@ -66,9 +67,10 @@ impl Covered {
         levels: &Levels,
         crossings: &[Crossing],
         canals: &[Vec3],
+        slender: &Slender,
         near_foreign: impl Fn(Vec3) -> bool + Sync,
     ) -> Self {
-        let searched = Searched { sampler, levels, crossings, canals };
+        let searched = Searched { sampler, levels, crossings, canals, slender };
         let seen = |look, with_scraps| Seen::of(&searched, look, with_scraps);
         let (closely, coarsely) =
             rayon::join(|| seen(&CLOSELY, Some(&near_foreign)), || seen(&COARSELY, None));
@@ -115,6 +117,7 @@ struct Searched<'a> {
     levels: &'a Levels,
     crossings: &'a [Crossing],
     canals: &'a [Vec3],
+    slender: &'a Slender,
 }
 
 impl Seen {
@@ -124,8 +127,10 @@ impl Seen {
         look: &Look,
         near_foreign: Option<&(impl Fn(Vec3) -> bool + Sync)>,
     ) -> Self {
-        let Searched { sampler, levels, crossings, canals } = *searched;
+        let Searched { sampler, levels, crossings, canals, slender } = *searched;
         let mut surface = Surface::of(sampler.asked(), crossings, look.leaf_mm);
+        sampler.ask();
+        slender.level(&mut surface);
         sampler.ask();
         let parts = surrounded(sampler, levels, &mut surface, look, canals);
         sampler.ask();
@@ -136,7 +141,7 @@ impl Seen {
         // What goes with them has no rim of its own.
         if let Some(largest) = parts.iter().max_by_key(|part| part.nodes.len()) {
             let all: Vec<usize> = parts.iter().flat_map(|part| part.nodes.iter().copied()).collect();
-            for node in beyond(&surface, completed(&surface, &all), look.beyond) {
+            for node in surface.beyond(completed(&surface, &all), look.beyond) {
                 fates[node].get_or_insert(Fate::covered(largest));
             }
         }
@@ -162,7 +167,8 @@ fn completed(surface: &Surface, part: &[usize]) -> Vec<usize> {
     let (_, others) = surface.parts(|node| !is_in[node], |_, link| !link.is_ledge());
     let large = others.into_iter().filter(|nodes| surface.extent(nodes) >= LEAST_SKIN_MM);
     let mut is_far = marked(surface, &large.flatten().collect::<Vec<_>>());
-    beyond(surface, part.to_vec(), (NEAR_MM / surface.leaf) as usize)
+    surface
+        .beyond(part.to_vec(), (NEAR_MM / surface.leaf) as usize)
         .into_iter()
         .for_each(|node| is_far[node] = false);
     let from_part = fill::between(surface, &is_in, &is_far);
@@ -187,23 +193,4 @@ fn marked(surface: &Surface, nodes: &[usize]) -> Vec<bool> {
     let mut marked = vec![false; surface.len()];
     nodes.iter().for_each(|&node| marked[node] = true);
     marked
-}
-
-/// Some nodes and those a few links away.
-fn beyond(surface: &Surface, mut all: Vec<usize>, links: usize) -> Vec<usize> {
-    let mut is_in = marked(surface, &all);
-    let mut from = 0;
-    for _ in 0..links {
-        let to = all.len();
-        for i in from..to {
-            surface.asked.ask_at(i);
-            for link in surface.links(all[i]) {
-                if !std::mem::replace(&mut is_in[link.to], true) {
-                    all.push(link.to);
-                }
-            }
-        }
-        from = to;
-    }
-    all
 }

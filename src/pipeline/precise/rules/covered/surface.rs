@@ -163,6 +163,40 @@ impl<'a> Surface<'a> {
         norm(sub(high, low))
     }
 
+    /// Takes the ledges at some nodes back.
+    pub(crate) fn level_at(&mut self, nodes: &[usize]) {
+        let mut at = vec![false; self.len()];
+        nodes.iter().for_each(|&node| at[node] = true);
+        for node in 0..self.len() {
+            let range = self.starts[node] as usize..self.starts[node + 1] as usize;
+            for link in range {
+                if at[node] || at[self.ends[link] as usize] {
+                    self.rises[link] = 0.0;
+                }
+            }
+        }
+    }
+
+    /// Some nodes and those a few links away.
+    pub(crate) fn beyond(&self, mut all: Vec<usize>, links: usize) -> Vec<usize> {
+        let mut is_in = vec![false; self.len()];
+        all.iter().for_each(|&node| is_in[node] = true);
+        let mut from = 0;
+        for _ in 0..links {
+            let to = all.len();
+            for i in from..to {
+                self.asked.ask_at(i);
+                for link in self.links(all[i]) {
+                    if !std::mem::replace(&mut is_in[link.to], true) {
+                        all.push(link.to);
+                    }
+                }
+            }
+            from = to;
+        }
+        all
+    }
+
     /// The links of a node.
     pub(crate) fn links(&self, node: usize) -> impl Iterator<Item = Link> {
         let range = self.starts[node] as usize..self.starts[node + 1] as usize;
