@@ -50,7 +50,10 @@ mod tests {
             (OF_PAPER.clone(), "0ff87005"),
         ];
         for (parameters, expected) in of_0_1 {
-            assert_eq!(&hex::encode(identity_sha256(&parameters))[..8], expected, "{parameters:?}");
+            assert_eq!(&hex::encode(settings_sha256(&parameters))[..8], expected, "{parameters:?}");
+            let is_of_0_1 = OF_0_1.contains(&parameters.profile.algorithm());
+            let is_found = identity_sha256(&parameters) == settings_sha256(&parameters);
+            assert_eq!(is_found, is_of_0_1, "results of another version are not found: {parameters:?}");
         }
     }
 
