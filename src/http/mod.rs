@@ -2,7 +2,8 @@
 //!
 //! A request passes, from outside in: the connection's limits ([`server`](self)), its id, log line
 //! and metrics, the headers that every answer has, the catching of panics, the check of its host and
-//! origin, the check of who may do what, the check of its query parameters, and then its handler in `resources/`, `upload/` or `stow/`.
+//! origin, the check of who may do what, the check of its query parameters, and then its handler in
+//! `resources/`, `upload/` or `stow/`.
 //! Whatever is refused becomes a problem (RFC 9457) in one place, from the one table in
 //! [`crate::error`].
 

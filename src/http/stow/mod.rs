@@ -34,8 +34,8 @@ const HEAD: usize = 2048;
 #[into_params(parameter_in = Query)]
 pub(super) struct StoreQuery {
     /// Instances that each series of the request has in all, those that other requests send among them; at
-    /// most `intake.max_series_instances`. With it, a series is complete when it has so many; without it, when nothing more came for the short
-    /// quiet time.
+    /// most `intake.max_series_instances`. With it, a series is complete when it has so many; without it, when
+    /// nothing more came for the short quiet time.
     #[param(minimum = 1, example = 145)]
     expect: Option<u64>,
 }

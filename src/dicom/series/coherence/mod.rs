@@ -101,8 +101,8 @@ pub(super) struct Finding {
     pub(super) kind: Kind,
     /// Rows of the image that it was found in, counted from 0.
     pub(super) rows: Range<usize>,
-    /// Share of the ordinary change (`Place`, `Run`, `Order`), mm (`Shift`), columns (`Jump`), pixels (`Patch`), HU (`Air`,
-    /// `Tissue`, `Step`), rows (`Constant`), pixels (`Repeated`), bytes (`Stream`).
+    /// Share of the ordinary change (`Place`, `Run`, `Order`), mm (`Shift`), columns (`Jump`), pixels (`Patch`),
+    /// HU (`Air`, `Tissue`, `Step`), rows (`Constant`), pixels (`Repeated`), bytes (`Stream`).
     pub(super) measured: f64,
     /// The most that the series itself allows, in the same unit.
     pub(super) limit: f64,

@@ -44,8 +44,8 @@ pub(crate) struct Border {
     pub(crate) rejected: Vec<Rejected>,
     /// How wide the scan shows an edge.
     pub(crate) edge_spread: EdgeSpread,
-    /// What is as slender as a cord.
-    pub(crate) slender: Slender,
+    /// See [`Labels::slender`].
+    pub(crate) slender: Option<Slender>,
 }
 
 impl Border {

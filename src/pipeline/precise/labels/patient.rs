@@ -5,11 +5,11 @@
 
 use super::body::{Body, OwnTissue, clear_pieces};
 use super::crop;
-use super::devices::{parts, sheets};
+use super::devices::{cords, parts, sheets};
 use super::field_border::FieldBorder;
 use super::label::Label;
 use super::outside::Open;
-use super::slender::{OF_CORD_MM, Slender};
+use super::slender::Slender;
 use crate::geometry::{Vec3, scale};
 use crate::pipeline::precise::grid::cells::Cells;
 use crate::pipeline::precise::grid::reach::within;
@@ -59,11 +59,9 @@ impl Patient {
         let open = Open::find(asked, &survey, &labels, &field_border);
         sampler.ask();
         let solid = |i: usize| labels[i] == Label::Patient || open.is_enclosed(i);
-        let slender = Slender::find(sampler, cells, OF_CORD_MM, solid);
-        for i in slender.cords(asked, |i| labels[i] == Label::Patient) {
-            labels[i] = Label::Attached;
+        if let Some((slender, opened)) = Slender::find(sampler, cells, cords::OUT_MM, solid) {
+            cords::mark(asked, &slender, &opened, &mut labels);
         }
-        drop(slender);
         sampler.ask();
         sheets::peel(sampler, levels, &cells, &mut labels, |i| open.is_open(i));
         sampler.ask();

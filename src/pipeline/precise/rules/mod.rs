@@ -55,7 +55,7 @@ pub(crate) struct Verdicts {
 impl Verdicts {
     /// Takes out of the border what lies under something.
     pub(crate) fn of(scan: &Scan<'_>, border: Border) -> Self {
-        let Scan { sampler, levels, .. } = scan;
+        let sampler = &scan.sampler;
         let Border {
             patient,
             head,
@@ -70,7 +70,7 @@ impl Verdicts {
         let near_foreign = |place| patient.is_near_foreign(place);
         let all = with_between.as_ref().unwrap_or(&accepted);
         sampler.ask();
-        let covered = Covered::of(sampler, levels, all, &canals, &slender, near_foreign);
+        let covered = Covered::of(scan, all, &canals, slender.as_ref(), near_foreign);
         sampler.ask();
         rejected.extend(covered.take(sampler, &mut accepted));
         if let Some(all) = &mut with_between {

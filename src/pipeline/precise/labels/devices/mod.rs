@@ -1,5 +1,6 @@
 //! What lies beside the patient or hangs on it.
 
+pub(crate) mod cords;
 pub(crate) mod couch;
 pub(crate) mod large;
 pub(crate) mod parts;

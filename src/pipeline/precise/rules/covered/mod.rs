@@ -8,9 +8,9 @@ use crate::geometry::Vec3;
 use crate::pipeline::precise::border::crossing::Crossing;
 use crate::pipeline::precise::border::rejected::Rejected;
 use crate::pipeline::precise::grid::cubes::key;
-use crate::pipeline::precise::labels::slender::Slender;
+use crate::pipeline::precise::labels::slender::{Slender, is_enough};
 use crate::pipeline::precise::reason::StretchReason;
-use crate::pipeline::precise::scan::levels::Levels;
+use crate::pipeline::precise::scan::Scan;
 use crate::pipeline::precise::scan::sampler::Sampler;
 pub(crate) mod fill;
 pub(crate) mod ledges;
@@ -27,6 +27,10 @@ const LEAST_SKIN_MM: f64 = 150.0;
 const WITHIN: f64 = 0.5;
 /// Larger pieces of skin than this may lie apart, mm².
 const LARGEST_SCRAP_MM2: f64 = 4000.0;
+/// What is slender and larger than fiducials and electrodes surrounds nothing, mm;
+const LARGER_THAN_DISCS_MM: f64 = 40.0;
+/// its ledge reaches so many links beside it.
+const BESIDE: usize = 1;
 /// Something foreign is beside a piece if it is near more nodes than this, of the square root of the
 /// number within.
 const BY_FOREIGN: f64 = 0.5;
@@ -61,16 +65,15 @@ impl Fate {
 
 impl Covered {
     /// Searches the whole surface, whose crossings lie no further apart than a leaf of the mesh.
-    /// Canals are closed at `canals`; `near_foreign` tells whether something foreign is close to a place.
+    /// Canals are closed at `canals`; what is `slender` surrounds nothing; `near_foreign` tells whether something foreign is close to a place.
     pub(crate) fn of(
-        sampler: &Sampler,
-        levels: &Levels,
+        scan: &Scan<'_>,
         crossings: &[Crossing],
         canals: &[Vec3],
-        slender: &Slender,
+        slender: Option<&Slender>,
         near_foreign: impl Fn(Vec3) -> bool + Sync,
     ) -> Self {
-        let searched = Searched { sampler, levels, crossings, canals, slender };
+        let searched = Searched { scan, crossings, canals, slender };
         let seen = |look, with_scraps| Seen::of(&searched, look, with_scraps);
         let (closely, coarsely) =
             rayon::join(|| seen(&CLOSELY, Some(&near_foreign)), || seen(&COARSELY, None));
@@ -113,11 +116,10 @@ impl Covered {
 
 /// The surface that is searched, and where canals are closed.
 struct Searched<'a> {
-    sampler: &'a Sampler<'a>,
-    levels: &'a Levels,
+    scan: &'a Scan<'a>,
     crossings: &'a [Crossing],
     canals: &'a [Vec3],
-    slender: &'a Slender,
+    slender: Option<&'a Slender>,
 }
 
 impl Seen {
@@ -127,11 +129,14 @@ impl Seen {
         look: &Look,
         near_foreign: Option<&(impl Fn(Vec3) -> bool + Sync)>,
     ) -> Self {
-        let Searched { sampler, levels, crossings, canals, slender } = *searched;
+        let Searched { scan, crossings, canals, slender } = *searched;
+        let Scan { sampler, levels, .. } = scan;
         let mut surface = Surface::of(sampler.asked(), crossings, look.leaf_mm);
         sampler.ask();
-        slender.level(&mut surface);
-        sampler.ask();
+        if let Some(slender) = slender {
+            level(&mut surface, slender);
+            sampler.ask();
+        }
         let parts = surrounded(sampler, levels, &mut surface, look, canals);
         sampler.ask();
         let mut fates: Vec<Option<Fate>> = vec![None; surface.len()];
@@ -158,6 +163,22 @@ impl Seen {
         let leaf = key(place, self.leaf_mm);
         self.leaves.binary_search_by_key(&leaf, |l| l.0).ok().map(|i| self.leaves[i].1)
     }
+}
+
+/// Takes the ledges at what is slender back: a cord around a face leaves the face as it is. Those at discs and at
+/// the edges of thick things stay.
+fn level(surface: &mut Surface, slender: &Slender) {
+    let at_border = |node: usize| {
+        surface.asked.ask_at(node);
+        slender.at_border(surface.places[node], surface.normals[node].map(f64::from))
+    };
+    let stands: Vec<[bool; 2]> = (0..surface.len()).into_par_iter().panic_fuse().map(at_border).collect();
+    let (_, mut pieces) = surface.parts(|node| stands[node][0], |_, _| true);
+    pieces.retain(|nodes| {
+        let high = nodes.iter().filter(|&&node| stands[node][1]).count();
+        is_enough(high, nodes.len()) && surface.extent(nodes) > LARGER_THAN_DISCS_MM
+    });
+    surface.level_at(&surface.beyond(pieces.concat(), BESIDE));
 }
 
 /// The nodes of a part with what hangs together with it rather than with the skin further away, as the

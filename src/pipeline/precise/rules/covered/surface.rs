@@ -168,8 +168,8 @@ impl<'a> Surface<'a> {
         let mut at = vec![false; self.len()];
         nodes.iter().for_each(|&node| at[node] = true);
         for node in 0..self.len() {
-            let range = self.starts[node] as usize..self.starts[node + 1] as usize;
-            for link in range {
+            self.asked.ask_at(node);
+            for link in self.starts[node] as usize..self.starts[node + 1] as usize {
                 if at[node] || at[self.ends[link] as usize] {
                     self.rises[link] = 0.0;
                 }
